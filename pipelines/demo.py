@@ -23,7 +23,7 @@ def demo(
     blender: Blender = None,
     render_device: RenderDevice = "cpu",
 ) -> None:
-    """The main job: data set, camouflage, re-rendered views, AP@0.5, report. About half an hour on two cores."""
+    """The main job: data set, camouflage, re-rendered views, AP@0.5, report. About ten minutes on two cores."""
     from rauca_core.study.demo import demo as run
 
     with means_of(device, slurm, blender, render_device) as means:

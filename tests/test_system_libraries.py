@@ -4,16 +4,32 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
-from tools.system_libraries import PACKAGES, loads, missing_packages, provide
+import pytest
+
+from tools.system_libraries import PACKAGES, loads, missing_packages, provide, trusts_someone
 
 
 def test_what_the_linker_does_not_find_is_missing():
     assert loads("libc.so.6")
     assert not loads("libnowhere.so.9")
-    assert missing_packages(lambda library: library != "libXi.so.6", has_venv=True) == ["libxi6"]
+    assert missing_packages(lambda library: library != "libXi.so.6", True, lambda: True) == ["libxi6"]
     venv = f"python3.{sys.version_info.minor}-venv"
-    assert missing_packages(lambda library: False, has_venv=False) == [venv, *PACKAGES.values()]
+    everything = [venv, "ca-certificates", *PACKAGES.values()]
+    assert missing_packages(lambda library: False, False, lambda: False) == everything
+
+
+def test_a_machine_without_certificates_trusts_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SSL_CERT_FILE", str(tmp_path / "none.pem"))
+    monkeypatch.setenv("SSL_CERT_DIR", str(tmp_path))
+    assert not trusts_someone()
+    (tmp_path / "authority.pem").touch()
+    assert trusts_someone()
+    monkeypatch.setenv("SSL_CERT_DIR", str(tmp_path / "no folder"))
+    assert not trusts_someone()
+    monkeypatch.setenv("SSL_CERT_FILE", str(tmp_path / "authority.pem"))
+    assert trusts_someone()
 
 
 def test_who_may_install_gets_them_and_everybody_else_the_line_to_run(capsys):

@@ -1,4 +1,4 @@
-"""What a bare Linux lacks: libraries of the desktop that Blender's wheel links to, and Python's `venv`.
+"""What a bare Linux lacks: libraries of the desktop that Blender's wheel links to, Python's `venv`, certificates.
 
 ``make demo`` and ``make test`` run this before anything else, with any Python 3. Root on Debian or Ubuntu gets the
 missing packages installed, and is told so; everybody else gets the one line to run.
@@ -10,9 +10,11 @@ import ctypes
 import importlib.util
 import os
 import shutil
+import ssl
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 PACKAGES: Mapping[str, str] = {
     "libX11.so.6": "libx11-6",
@@ -40,10 +42,20 @@ def loads(library: str) -> bool:
     return True
 
 
-def missing_packages(is_there: Callable[[str], bool] = loads, has_venv: bool = HAS_VENV) -> list[str]:
-    """The packages whose library is not on this machine, and Python's own part that Debian keeps in another package."""
+def trusts_someone() -> bool:
+    """Whether certificates of authorities are on this machine; without, no weights of a detector can be fetched."""
+    paths = ssl.get_default_verify_paths()
+    return paths.cafile is not None or (paths.capath is not None and any(Path(paths.capath).iterdir()))
+
+
+def missing_packages(
+    is_there: Callable[[str], bool] = loads, has_venv: bool = HAS_VENV, trusts: Callable[[], bool] = trusts_someone
+) -> list[str]:
+    """The packages whose library is not on this machine, Python's own part that Debian keeps in another package, and
+    certificates."""
     venv = [] if has_venv else [f"python{sys.version_info.major}.{sys.version_info.minor}-venv"]
-    return venv + [package for library, package in PACKAGES.items() if not is_there(library)]
+    certificates = [] if trusts() else ["ca-certificates"]
+    return venv + certificates + [package for library, package in PACKAGES.items() if not is_there(library)]
 
 
 def provide(missing: Sequence[str], may_install: bool, run: Callable[[Sequence[str]], int]) -> int:

@@ -93,23 +93,42 @@ _FEW_DIRECTIONS = 12  # bands between directions this far apart would cover each
 _NAMES = {0: "front", 90: "left", 180: "rear", 270: "right"}
 
 
-def curve_svg(curve: Table, styles: Mapping[str, Style], measure: str = "AP@0.5") -> str:
+def curve_svg(curve: Table, styles: Mapping[str, Style], measure: str = "AP@0.5", legend: str = "") -> str:
     """A measure from 0 to 1 of every paint along the columns of ``curve``, whose names are numbers; intervals as bands.
 
     An azimuth of four values or more becomes a ring, with whiskers where its directions are few.
+
+    Args:
+        legend: its heading, for a picture that stands alone; without one, the page around it names the lines.
     """
     values = np.array([float(column.name) for column in curve.columns])
     with mpl.rc_context(_STYLE):
         if is_ring(curve):
-            return _svg(_ring(curve.blocks[0], values, styles))
+            figure = _ring(curve.blocks[0], values, styles)
+            _name_lines(figure, measure, legend)
+            return _svg(figure)
         figure = Figure(figsize=_SIZE, layout="constrained")
         axes = figure.add_subplot()
         for paint, line, low, high in _lines(curve.blocks[0]):
-            _draw(axes, values, line, low, high, styles[paint])
+            _draw(axes, values, line, low, high, styles[paint], paint)
         axes.set(ylim=(-0.02, 1.02), yticks=np.linspace(0, 1, 5), xlabel=curve.title, ylabel=measure)
         if len(values) == 1 or np.diff(values).min() > 0.09 * np.ptp(values):  # labels stay clear of each other
             axes.set_xticks(values, [f"{value:g}" for value in values])
+        _name_lines(figure, "", legend)
         return _svg(figure)
+
+
+def _name_lines(figure: Figure, measure: str, heading: str) -> None:
+    """A legend below the plot, in room of its own, if it has a heading; ``measure`` where no axis names it.
+
+    White paper, too: alone, the picture may meet a dark page.
+    """
+    if not heading:
+        return
+    lines, names = figure.axes[0].get_legend_handles_labels()
+    figure.set(figheight=figure.get_figheight() + 0.5, facecolor="white")
+    title = f"{measure}, {heading}" if measure else heading
+    figure.legend(lines, names, loc="outside lower center", ncols=len(names), frameon=False, title=title)
 
 
 def intervals_svg(table: Table, styles: Mapping[str, Style]) -> str:
@@ -169,9 +188,9 @@ def _ring(block: Block, degrees: NDArray[np.float64], styles: Mapping[str, Style
     around = np.radians(degrees[closed])
     for number, (paint, line, low, high) in enumerate(_lines(block)):
         if len(degrees) > _FEW_DIRECTIONS:
-            _draw(axes, around, line[closed], low[closed], high[closed], styles[paint])
+            _draw(axes, around, line[closed], low[closed], high[closed], styles[paint], paint)
             continue
-        _draw(axes, around, line[closed], None, None, styles[paint])
+        _draw(axes, around, line[closed], None, None, styles[paint], paint)
         beside, known = np.radians(degrees + 2.5 * (number - (len(block.rows) - 1) / 2)), np.isfinite(low)
         axes.vlines(beside[known], low[known], high[known], color=styles[paint].light, lw=1.1, alpha=0.65)
     axes.set_rlim(0, 1)
@@ -182,10 +201,10 @@ def _ring(block: Block, degrees: NDArray[np.float64], styles: Mapping[str, Style
     return figure
 
 
-def _draw(axes: Any, x: Any, line: Any, low: Any, high: Any, style: Style) -> None:
+def _draw(axes: Any, x: Any, line: Any, low: Any, high: Any, style: Style, name: str) -> None:
     if low is not None:
         axes.fill_between(x, low, high, color=style.light, alpha=0.14, lw=0)
-    axes.plot(x, line, style.dashes, marker=style.mark, color=style.light, lw=1.7, ms=4.5)
+    axes.plot(x, line, style.dashes, marker=style.mark, color=style.light, lw=1.7, ms=4.5, label=name)
 
 
 def _lines(block: Block) -> list[tuple[str, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:

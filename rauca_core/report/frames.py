@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,8 +142,18 @@ def frame_tile(entry: Entry, found: Found, paint: str, index: int, threshold: fl
     Raises:
         RaucaError: the image is missing, or has changed since.
     """
-    row, shown = entry.results.frames[index], entry.results.images[paint][index]
+    path = image_path(entry, paint, index)
+    return frame_picture(path, entry.results.frames[index].box_xyxy, found, entry.category, threshold)
+
+
+def image_path(entry: Entry, paint: str, index: int) -> Path:
+    """The image of an entry's frame in a paint.
+
+    Raises:
+        RaucaError: it is missing, or has changed since it was evaluated.
+    """
+    shown = entry.results.images[paint][index]
     path = entry.folder / shown.path
     if not path.is_file() or file_digest(path) != shown.sha256:
         raise RaucaError(f"{path}: missing or changed since it was evaluated; evaluate again")
-    return frame_picture(path, row.box_xyxy, found, entry.category, threshold)
+    return path

@@ -16,6 +16,7 @@ from ..study.defences import NO_DEFENCE
 from ..study.detectors import family_of, in_table_order
 from ..study.results import MEAN, Results
 from ..study.study import Entry
+from .before_after import before_after
 from .figures import curve_svg, history_svg, paint_styles
 from .frames import FramePicker, strongest_paint
 from .page import write_study_page
@@ -26,6 +27,8 @@ from .table import is_normal, is_random, printed
 
 P = ParamSpec("P")
 MAX_PICTURES = 100  # keeps the page's size in hand, about 15 kB each
+HERO = "before-after.jpg"
+AROUND = "mean over detectors, 95 % intervals"
 
 
 @dataclass(frozen=True)
@@ -199,8 +202,9 @@ def _shown_detectors(entries: Sequence[Entry]) -> list[str]:
 def save_showcase(study: measured.Study, folder: Path) -> list[Path]:
     """Write the main figures as files, for a README or a talk.
 
-    ``grid.jpg``, ``table.md``, a ``map-<name>.jpg`` each and, per parameter varied, ``ap-<parameter>.svg``: all of the
-    first vehicle, undefended, under the study's first weathers.
+    ``grid.jpg``, ``before-after.jpg`` where the vehicle was seen in its own paint, ``table.md``, a ``map-<name>.jpg``
+    each and, per parameter varied, ``ap-<parameter>.svg``: all of the first vehicle, undefended, under the study's
+    first weathers.
 
     Raises:
         RaucaError: that vehicle was evaluated behind defences only.
@@ -210,17 +214,21 @@ def save_showcase(study: measured.Study, folder: Path) -> list[Path]:
     if entry is None:
         raise RaucaError(f"{folder}: no pictures; the {vehicle} was evaluated with defences only, add the defence none")
     folder.mkdir(parents=True, exist_ok=True)
-    seen = FramePicker([entry]).grid(_shown_detectors([entry])[0]).rows
+    detector = _shown_detectors([entry])[0]
+    seen = FramePicker([entry]).grid(detector).rows
     tiles = {paint: [picture.jpeg for picture in row if picture] for paint, row in seen.items()}
     sheet_of(tiles).save(folder / "grid.jpg", quality=88)
+    hero = before_after(entry, detector)
+    if hero is not None:
+        hero.save(folder / HERO, quality=90, subsampling=0, optimize=True)
     files = {"table.md": _markdown(entry).encode()}
     files |= {f"map-{camouflage.name}.jpg": jpeg for camouflage, jpeg in maps_of([entry])}
     styles = paint_styles(entry.results.paints)
     curves = {curve.key.partition("-")[0]: curve for curve in curves_of(study)[entry.weathers]}
-    files |= {f"ap-{name}.svg": curve_svg(curve, styles).encode() for name, curve in curves.items()}
+    files |= {f"ap-{name}.svg": curve_svg(curve, styles, legend=AROUND).encode() for name, curve in curves.items()}
     for name, data in files.items():
         write_bytes(folder / name, data)
-    return [folder / name for name in ("grid.jpg", *files)]
+    return [folder / name for name in ("grid.jpg", *([HERO] if hero else []), *files)]
 
 
 def _markdown(entry: Entry) -> str:

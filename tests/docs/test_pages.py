@@ -28,7 +28,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 def test_links_are_found() -> None:
-    assert "docs/pictures/grid.jpg" in links(ROOT / "README.md")
+    assert "docs/pictures/before-after.jpg" in links(ROOT / "README.md")
     assert len(links(DOCS / "index.md")) > 10
 
 

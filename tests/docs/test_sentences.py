@@ -11,8 +11,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 LONGEST = 30
 NAVIGATION = (ROOT / "mkdocs.yml").read_text().partition("\nnav:")[2]
-# Written by programs, a list of changes, and pages that are mostly figures, which their tables say.
-NOT_PROSE = {"commands.md", "licences.md", "changelog.md", "optimizer.md", "results.md", "reviewer.md"}
+# Written by programs, and a list of changes.
+NOT_PROSE = {"commands.md", "licences.md", "changelog.md"}
 ABBREVIATED = r"(?<!\bvs\.)(?<!\be\.g\.)"
 
 

@@ -21,9 +21,11 @@ from rauca_core.contract import Camouflage, Dataset, RaucaError, load_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.detect import Detector
 from rauca_core.report import ReportNotes, save_showcase, write_curve, write_report
+from rauca_core.report.before_after import before_after, falls
 from rauca_core.report.frames import PLACES, FramePicker, frame_scores, placed_frames, strongest_paint
 from rauca_core.report.study_tables import tables_of
 from rauca_core.report.table import printed
+from rauca_core.study.average_precision import best_score
 from rauca_core.study.scores import Recorded
 from rauca_core.study.study import Entry, Study, load_study, save_study
 from rauca_core.study.tradeoff import Measured, TradeOff
@@ -202,18 +204,39 @@ def test_without_undefended_views_there_are_no_figures(study: Study, tmp_path: P
 def test_the_main_figures_are_files_too(study: Study, tmp_path: Path) -> None:
     written = save_showcase(study, tmp_path / "pictures")
     names = [path.name for path in written]
-    assert names == ["grid.jpg", "table.md", "map-noise.jpg", "ap-azimuth.svg", "ap-distance.svg", "ap-sun.svg"]
+    assert names[:3] == ["grid.jpg", "before-after.jpg", "table.md"]
+    assert names[3:] == ["map-noise.jpg", "ap-azimuth.svg", "ap-distance.svg", "ap-sun.svg"]
     with Image.open(written[0]) as sheet:
         assert sheet.height > 3 * 300  # a row per paint
         assert np.asarray(sheet).std() > 20
-    table = written[1].read_text().splitlines()
+    table = written[2].read_text().splitlines()
     assert len(table) == 2 + 3
     assert table[2].startswith("| normal | ")
     assert all(line.count("|") == table[0].count("|") for line in table)
-    for path in written[3:]:
+    for path in written[4:]:
         drawing = path.read_text()
+        assert all(f"<!-- {name} -->" in drawing for name in ("normal", "noise"))  # a line without a name says nothing
         ElementTree.fromstring(drawing)
         assert "var(" not in drawing  # a file has no page to take its colors from
+
+
+def test_before_and_after_are_one_view_chosen_by_its_fall(study: Study, detectors: list[Detector]) -> None:
+    entry = study.entries[0]
+    found = falls(entry, detectors[0].name, "normal", "noise")
+    recorded = Recorded(entry)
+    by_hand = [
+        best_score(recorded.sample(detectors[0].name, "normal", i))
+        - best_score(recorded.sample(detectors[0].name, "noise", i))
+        for i in range(len(entry.results.frames))
+    ]
+    assert found.tolist() == by_hand
+    sheet = before_after(entry, detectors[0].name)
+    assert sheet is not None
+    assert sheet.width == 640
+    pixels = np.asarray(sheet).astype(int)[60:300]
+    assert np.abs(pixels[:, :320] - pixels[:, 320:]).mean() > 1  # two paints
+    painted = {name: row for name, row in entry.results.table.items() if name != "normal"}
+    assert before_after(replace(entry, results=replace(entry.results, table=painted)), detectors[0].name) is None
 
 
 def test_the_curve_of_a_tradeoff_shows_every_point(study: Study, detectors: list[Detector], tmp_path: Path) -> None:
