@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import bpy
 
 from ...core import assets
@@ -20,12 +18,14 @@ class RAUCA_MT_vehicles(bpy.types.Menu):
 
     def draw(self, context: bpy.types.Context) -> None:
         # A menu of the operator's choices would show the pictures as small as icons.
-        # Nor does a grid keep to its columns there.
-        row = self.layout.row()
-        columns = [row.column() for _ in range(COLUMNS)]
-        for (name, shown, *_), cell in zip(vehicle_items(), itertools.cycle(columns)):
-            cell.template_icon(picture_of(name), scale=HEIGHT)
-            cell.operator("rauca.add_vehicle", text=shown, translate=False).vehicle = name
+        # A picture goes into the layout that was made last, whichever is named: so each cell is filled at once.
+        items = vehicle_items()
+        for start in range(0, len(items), COLUMNS):
+            row = self.layout.row()
+            for name, shown, *_ in items[start : start + COLUMNS]:
+                cell = row.column()
+                cell.template_icon(picture_of(name), scale=HEIGHT)
+                cell.operator("rauca.add_vehicle", text=shown, translate=False).vehicle = name
 
 
 def picture_of(name: str) -> int:
