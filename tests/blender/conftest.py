@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -16,6 +18,19 @@ import blender_addon
 from blender_addon.scene import nodes
 from blender_addon.scene.session import Session
 from rauca_core.contract import Plan, Quality, RaucaError, Ring, Vehicle, Weather
+
+_ended: list[int] = []
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    _ended.append(int(exitstatus))
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """End at once: bpy 4.5 that has read another .blend waits for ever in a destructor of its own."""
+    if _ended and bpy.app.version < (5, 0, 0):
+        sys.stdout.flush()
+        os._exit(_ended[-1])
 
 
 def psnr(a: np.ndarray, b: np.ndarray) -> float:
