@@ -8,13 +8,17 @@ from pathlib import Path
 from pipelines.console import progress_bars
 from rauca_core.contract import Dataset
 from rauca_core.study import recipes
-from rauca_core.study.agreement import measure_agreement
-from rauca_core.study.demo import REFERENCE_EVERY, REFERENCE_SAMPLES
 from rauca_core.study.engine import Engine
 from rauca_core.study.store import Store, store_around
 
 from .figures import Line, Panel, save_figure
 from .harness import Results, Settings
+from .renderer_agreement import measure_agreement
+
+# Of the frames, one in so many is rendered anew in the camouflage; unfiltered and with many samples, since a denoised
+# render of few is further from the truth than the prediction that it judges. The number is odd, so that weathers take
+# turns.
+REFERENCE_EVERY, REFERENCE_SAMPLES = 23, 128
 
 
 def bench(out: Path, dataset: Path, camouflage: Path, samples: tuple[int, ...] = (1, 2, 4, 8)) -> Results:

@@ -45,7 +45,6 @@ from rauca_core.render import Pyramid, build_taps, composite, linear_to_srgb, sr
 from rauca_core.runtime.devices import threads
 from rauca_core.runtime.images import read_image
 from rauca_core.study import recipes
-from rauca_core.study.agreement import SOLID
 from rauca_core.study.candidates import NORMAL, find_vehicles
 from rauca_core.study.driven import Drives, measure_drives, save_drives
 from rauca_core.study.engine import Engine
@@ -55,6 +54,7 @@ from rauca_core.study.store import Store
 from rauca_core.study.views import HeldOut
 
 from .harness import Results, Settings
+from .renderer_agreement import SOLID
 
 FULL = Settings(
     manoeuvres=MANOEUVRES, frames=30, size=320, samples=8, speed_m_s=10.0, frame_rate=15.0, shutter_s=1 / 120,

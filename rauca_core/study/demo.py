@@ -13,12 +13,10 @@ from typing import Any, Unpack
 
 from ..attack import make_settings, read_history, settings_of
 from ..contract import Dataset, Plan, Progress, Quality, RaucaError, Ring, load_camouflage
-from ..contract.schema import read_json
 from ..contract.towns import TEST, TRAINING
 from ..detect import fetch
 from ..runtime.folder_lock import alone_in
 from . import recipes
-from .agreement import FILE_NAME as AGREEMENT
 from .artifact import Artifact, plain_label
 from .candidates import RANDOM, VehicleChoice, find_vehicles, read_vehicle_choice
 from .detectors import detectors_for
@@ -33,10 +31,6 @@ WHITE_BOX = "yolov3-tiny"
 BLACK_BOX = ("yolov4-tiny", "yolov2-tiny")
 SEED = 1  # of the optimization and of the random paint
 RANDOM_CELL = 8  # texels; finer noise averages to grey at these distances and would be a weaker rival
-# Of the training frames, one in so many is rendered anew in the camouflage to judge the neural renderer; unfiltered
-# and with many samples, since a denoised render of few is further from the truth than the prediction it would judge.
-# Three does not divide the number: three weathers take turns.
-REFERENCE_EVERY, REFERENCE_SAMPLES = 37, 128
 OURS = "rauca"  # what the optimized camouflage is called
 
 TRAIN = Ring((0.0, 90.0, 180.0, 270.0), (6.0, 20.0), (7.0,), 45.0, 6.0, 0.3, 0.3)
@@ -53,11 +47,11 @@ class DemoScale:
     """
 
     size: int = 320
-    samples: int = 8
+    samples: int = 4
     train: Ring = TRAIN
-    train_locations: int = 3
+    train_locations: int = 2
     held_out: Ring = HELD_OUT
-    steps: int = 400
+    steps: int = 300
     batch: int = 4
 
 
@@ -106,9 +100,7 @@ def demo(
         place = Place("held-out views", choice, held_out)
         study = judge(engine, out, [place], {choice: paints}, Judges(detectors), command)
         link(out / "renders", out / choice.name / plain_label(place.name) / "renders")
-        agreement = _agreement(engine, train, folders["train"], paints[OURS])
-        link(out / AGREEMENT, agreement)
-        study = replace(study, notes=_notes(out, folders, agreement, engine))
+        study = replace(study, notes=_notes(out, folders, engine))
         save_study(out / FILE_NAME, command, study.entries, study.notes)
     return study
 
@@ -142,16 +134,7 @@ def _views(body: Artifact, size: DemoScale, label: str) -> Artifact:
     return recipes.data_set(label, plan, body, [frame.id for frame in plan.frames()])
 
 
-def _agreement(engine: Engine, train: Artifact, folder: Path, paint: Path) -> Path:
-    """How far the neural renderer is from Cycles on the training frames."""
-    frames = [frame.id for frame in Dataset(folder).frames()[::REFERENCE_EVERY]]
-    camouflage = recipes.camouflage_in(paint, f"{OURS}-reference")
-    reference = recipes.renders(train, camouflage, frames, REFERENCE_SAMPLES)
-    (made,) = engine.make(recipes.agreement(train, camouflage, reference))
-    return made / AGREEMENT
-
-
-def _notes(out: Path, folders: Mapping[str, Path], agreement: Path, engine: Engine) -> dict[str, Any]:
+def _notes(out: Path, folders: Mapping[str, Path], engine: Engine) -> dict[str, Any]:
     """What the report tells beside the numbers."""
     history, run = read_history(folders[OURS]), out.as_posix()
     made = load_camouflage(folders[OURS] / CAMOUFLAGE)[0].made
@@ -167,7 +150,6 @@ def _notes(out: Path, folders: Mapping[str, Path], agreement: Path, engine: Engi
             "held-out frames": f"{len(dataset.frames())}, another town and other cameras, rendered by Cycles",
             "weathers": ", ".join(weather.name for weather in plan.weathers),
             **{name: value for name, value in made.items() if isinstance(value, str | int | float)},
-            **_described(agreement),
         },
         "commands": [
             f"rauca report {run}",
@@ -175,14 +157,3 @@ def _notes(out: Path, folders: Mapping[str, Path], agreement: Path, engine: Engi
         ],
         "timings_s": engine.seconds,
     }
-
-
-def _described(agreement: Path) -> dict[str, str]:
-    """What the comparison of the two renderers found."""
-    found = read_json(agreement)
-    overlap = f"mean IoU {found.number('mean_iou'):.4f}, worst {found.number('worst_iou'):.4f}"
-    shown = {"paint coverage, ours against Cycles": overlap}
-    if not (found.is_null("inside_db") or found.is_null("edge_db")):
-        color = f"{found.number('inside_db'):.1f} dB inside, {found.number('edge_db'):.1f} dB on edges"
-        shown["camouflage, predicted against Cycles"] = color
-    return shown

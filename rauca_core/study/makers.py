@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +34,6 @@ from ..runtime.devices import threads
 from ..runtime.images import is_whole, read_image
 from ..runtime.tensor_files import started
 from ..training.extractor_fit import FINISHED, PUBLISHED_WEIGHTS, fit_published
-from .agreement import FILE_NAME as AGREEMENT
-from .agreement import measure_agreement
 from .artifact import Artifact
 from .camouflaged import wearer
 from .defences import make_defence
@@ -221,13 +219,6 @@ def make_detections(*jobs: Job) -> None:
         detect_in(pictures, seers, machine.device, tell)
 
 
-def make_agreement(job: Job) -> None:
-    """Compare the neural renderer with Cycles: by coverage on all frames, by color on those that were rendered."""
-    dataset, camouflage, rendered = job.inputs
-    job.report(Progress(0, 1, job.artifact.label))
-    write_json(job.folder / AGREEMENT, asdict(measure_agreement(Dataset(dataset), camouflage, rendered)))
-
-
 def make_ranking(job: Job) -> None:
     """Show a detector some camouflages on training views, by the neural renderer."""
     settings, machine = job.artifact.settings, job.machine
@@ -313,9 +304,6 @@ KINDS = {
     "detections": Kind(
         "what detectors found", "detecting", make_detections, has_detections,
         group=detected_together,
-    ),
-    "agreement": Kind(
-        "neural renders against Cycles", "comparing renderers", make_agreement, AGREEMENT, heavy=False
     ),
     "ranking": Kind("camouflages by what hides best", "comparing camouflages", make_ranking, RANKING),
     "hardened": Kind("hardened detectors", "hardening", make_hardened, has_hardened),

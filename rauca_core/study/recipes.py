@@ -142,11 +142,6 @@ def composed(pictures: Artifact, camouflage: Artifact, frames: Sequence[str]) ->
     return Artifact("composed", camouflage.label, settings, (pictures, camouflage), {"frames": list(frames)})
 
 
-def agreement(views: Artifact, camouflage: Artifact, reference: Artifact) -> Artifact:
-    """How far neural renders of views in a camouflage are from those of Cycles, given some of these."""
-    return Artifact("agreement", camouflage.label, {}, (views, camouflage, reference))
-
-
 def ranking(
     training: Artifact, camouflages: Sequence[Artifact], detector: Detector, typed: str, category: str
 ) -> Artifact:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.renderer_agreement import measure_agreement
 from blender_addon.core import files
 from blender_addon.scene.camouflages import MARGIN, read_paintwork, render_camouflages
 from blender_addon.scene.frame import render_chunk
@@ -14,7 +15,6 @@ from blender_addon.scene.render import Crop
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import Dataset, Quality, Weather, claim_folder, planned_frames
 from rauca_core.runtime.images import read_image
-from rauca_core.study.agreement import measure_agreement
 from tests.hostile.nasty import DEEP
 
 

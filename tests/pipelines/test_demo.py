@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,8 +42,6 @@ def test_the_demo_runs_resumes_and_reports(tmp_path: Path) -> None:
     assert len(results.frames) == 2 * 3
     assert set(results.detectors) == set(STANDARD)
     assert load_camouflage(out / "rauca" / "camouflage.json")[0].method == "ours"
-    agreement = json.loads((out / "agreement.json").read_text())
-    assert agreement["mean_iou"] > 0.97  # at 128 px; at the demo's own size it is above 0.995
 
     stamps = {p: p.stat().st_mtime_ns for p in out.rglob("*.png")}
     assert demo(out, scale=SMALL).entries == study.entries
@@ -55,7 +52,7 @@ def test_an_evaluation_on_the_demos_folder_renders_nothing(tmp_path: Path, drawn
     published_weights(*STANDARD)
     demo(tmp_path / "run", scale=replace(SMALL, size=64))
     before = dict(drawn_blender.frames)
-    assert before == {"make_dataset": 9 + 6, "render_camouflages": 6 * 2 + 1}
+    assert before == {"make_dataset": 9 + 6, "render_camouflages": 6 * 2}
     held_out, camouflage = tmp_path / "run" / "held-out", tmp_path / "run" / "rauca" / "camouflage.json"
     asked = [held_out, "--camouflage", camouflage, "--detectors", "yolov3-tiny", "--out", tmp_path / "study"]
     done = CliRunner().invoke(app, ["evaluate", *map(str, asked)], catch_exceptions=False)

@@ -15,6 +15,7 @@ import torch
 import benchmarks.agreement
 import benchmarks.views_agreement
 from benchmarks.defences import read_views
+from benchmarks.renderer_agreement import measure_agreement
 from benchmarks.stability.drawn import painted_box
 from benchmarks.views import _measure
 from rauca_core.attack import random_camouflage
@@ -24,7 +25,6 @@ from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.metrics import compare
 from rauca_core.environment.place_light import light_places
 from rauca_core.environment.views import Views, densify
-from rauca_core.study.agreement import measure_agreement
 from rauca_core.study.detecting import pictures_in
 from rauca_core.study.evaluate import open_views
 from rauca_core.study.ranking import rank_camouflages
@@ -72,7 +72,7 @@ OPENS = {
     "rauca_core/environment/views/densify.py": MAKES,
     "rauca_core/environment/views/drawn.py": JUDGES,  # nothing is composed from composed frames
     "rauca_core/report/pictures.py": MAKES,
-    "rauca_core/study/agreement.py": JUDGES,
+    "benchmarks/renderer_agreement.py": JUDGES,
     "rauca_core/study/camouflaged.py": READS,
     "rauca_core/study/datasets.py": MAKES,
     "rauca_core/study/demo.py": MAKES,

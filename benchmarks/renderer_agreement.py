@@ -12,13 +12,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ..contract import Dataset, Frame, RaucaError, load_camouflage, load_vehicle
-from ..environment import load_exact
-from ..render import Pyramid, Taps, TapSettings, build_taps, composite, linear_to_srgb, srgb_to_linear
-from ..render.cache import tap_key
-from ..runtime.images import read_image
+from rauca_core.contract import Dataset, Frame, RaucaError, load_camouflage, load_vehicle
+from rauca_core.environment import load_exact
+from rauca_core.render import Pyramid, Taps, TapSettings, build_taps, composite, linear_to_srgb, srgb_to_linear
+from rauca_core.render.cache import tap_key
+from rauca_core.runtime.images import read_image
 
-FILE_NAME = "agreement.json"
 DB = ("inside_db", "edge_db")
 SOLID = 250 / 255  # paint coverage above which a pixel counts as inside; below, as edge
 
