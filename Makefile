@@ -67,32 +67,32 @@ TRACKERS += trackeval==1.3.0 tabulate==0.10.0
 $(DEMO): pyproject.toml
 	@$(PYTHON) tools/system_libraries.py
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/python -m pip install --quiet $(TORCH)
-	$(VENV)/bin/python -m pip install --quiet $(TORCH) -e .[dataset,optimize,report]
+	$(VENV)/bin/python -m pip install --quiet --no-compile $(TORCH)
+	$(VENV)/bin/python -m pip install --quiet --no-compile $(TORCH) -e .[dataset,optimize,report]
 	touch $(DEMO)
 
 $(READY): $(DEMO)
-	$(VENV)/bin/python -m pip install --quiet $(TORCH) -e .[dataset,optimize,report,bench,slurm,detectors,dev]
-	$(VENV)/bin/python -m pip install --quiet --no-deps $(TRACKERS)
+	$(VENV)/bin/python -m pip install --quiet --no-compile $(TORCH) -e .[dataset,optimize,report,bench,slurm,detectors,dev]
+	$(VENV)/bin/python -m pip install --quiet --no-compile --no-deps $(TRACKERS)
 	touch $(READY)
 
 # For tests/detect/test_mmdet_networks.py alone, in a folder of its own and without what it asks for: that would replace
 # our OpenCV. mmcv-lite is mmcv without its operators, which take a quarter of an hour to compile. 47 MB.
 $(MMDETECTION): $(READY)
 	rm -rf $(@D)
-	$(VENV)/bin/python -m pip install --quiet --no-deps --target $(@D) mmdet==3.3.0 mmengine==0.10.7 mmcv-lite==2.1.0 \
+	$(VENV)/bin/python -m pip install --quiet --no-compile --no-deps --target $(@D) mmdet==3.3.0 mmengine==0.10.7 mmcv-lite==2.1.0 \
 		addict platformdirs shapely six termcolor terminaltables yapf
 	touch $@
 
 $(VENV)/.docs: $(READY)
-	$(VENV)/bin/python -m pip install --quiet $(TORCH) -e .[docs]
+	$(VENV)/bin/python -m pip install --quiet --no-compile $(TORCH) -e .[docs]
 	touch $@
 
 # bpy 4.5 was built against NumPy 1.
 $(VENV)-4.5/.ready: pyproject.toml
 	$(PYTHON) -m venv $(VENV)-4.5
-	$(VENV)-4.5/bin/python -m pip install --quiet $(TORCH)
-	$(VENV)-4.5/bin/python -m pip install --quiet $(TORCH) -e .[optimize,report,dev] xatlas trimesh bpy==4.5.15 'numpy<2'
+	$(VENV)-4.5/bin/python -m pip install --quiet --no-compile $(TORCH)
+	$(VENV)-4.5/bin/python -m pip install --quiet --no-compile $(TORCH) -e .[optimize,report,dev] xatlas trimesh bpy==4.5.15 'numpy<2'
 	touch $@
 
 clean:
