@@ -188,22 +188,29 @@ def _name(entry: Row) -> str:
 
 
 def save_pareto(results: Results, path: Path) -> None:
-    series = (
-        ("one render a color, denoised", SINGLE, "samples", {"color": "C0"}, 1),
-        ("one render a color, raw", SINGLE, "raw", {"color": "C7", "linestyle": ":"}, 1),
-        (f"light maps, {COLORS} colors, denoised", MAPS, "samples", {"color": "C1"}, COLORS),
-        ("light maps, raw", MAPS, "raw", {"color": "C5", "linestyle": ":"}, COLORS),
-        ("light maps, adaptive", MAPS, "adaptive", {"color": "C2", "linestyle": ""}, COLORS),
-        ("light maps, other bounces", MAPS, "bounces", {"color": "C4", "linestyle": ""}, COLORS),
-        ("light maps, fog the other way", MAPS, "fog", {"color": "C6", "linestyle": ""}, COLORS),
+    curves = (
+        ("one render a color, denoised, by samples", SINGLE, "samples", {"color": "C0"}, 1),
+        (f"light maps, {COLORS} colors, denoised, by samples", MAPS, "samples", {"color": "C1"}, COLORS),
+    )
+    points = (
+        ("one render a color, raw", SINGLE, "raw", {"color": "C7", "marker": "s"}, 1),
+        ("light maps, raw", MAPS, "raw", {"color": "C5", "marker": "s"}, COLORS),
+        ("light maps, adaptive", MAPS, "adaptive", {"color": "C2", "marker": "^"}, COLORS),
+        ("light maps", MAPS, "bounces", {"color": "C4", "marker": "v"}, COLORS),
+        ("light maps, fog the other way", MAPS, "fog", {"color": "C6", "marker": "D"}, COLORS),
     )
     panels = []
     for kind in KINDS:
         lines = []
-        for label, what, axis, style, shared_by in series:
+        for label, what, axis, style, shared_by in curves:
             chosen = results.where("entries", kind=kind, what=what, axis=axis)
-            points = sorted((e["cpu_seconds"] / shared_by, e["psnr_db"], _note(e)) for e in chosen)
-            lines += [Line(label, points, style)] if points else []
+            samples = sorted((e["cpu_seconds"] / shared_by, e["psnr_db"], _note(e)) for e in chosen)
+            lines.append(Line(label, samples, style))
+        for label, what, axis, style, shared_by in points:  # these lie close together: the legend names them
+            chosen = results.where("entries", kind=kind, what=what, axis=axis)
+            named = ", ".join(dict.fromkeys(map(_note, chosen)))
+            marks = sorted((e["cpu_seconds"] / shared_by, e["psnr_db"], "") for e in chosen)
+            lines += [Line(f"{label}, {named}", marks, {**style, "linestyle": ""})] if marks else []
         default = results.one("entries", kind=kind, what=MAPS)
         star = {"marker": "*", "color": "C3", "markersize": 13, "linestyle": ""}
         lines.append(Line("default", [(default["cpu_seconds"] / COLORS, default["psnr_db"], "")], star))

@@ -31,15 +31,18 @@ class Panel(NamedTuple):
 
 
 def save_figure(path: Path, panels: Sequence[Panel], x: str, y: str, width: float = 4.5, share: bool = True) -> None:
-    """Plots of ``width`` inches side by side: x, what it costs, logarithmic; y, how well it does, one axis for all."""
-    size = (width * len(panels), 4.2)
+    """Plots of ``width`` inches side by side: x, what it costs, logarithmic; y, how well it does, one axis for all.
+
+    One legend below them holds every line's label once.
+    """
+    size = (width * len(panels), 4.6)
     figure, plots = plt.subplots(1, len(panels), figsize=size, layout="constrained", sharey=share, squeeze=False)
     for axes, panel in zip(plots[0], panels, strict=True):
         for line in panel.lines:
             style = {"marker": "o", "markersize": 4, **line.style}
             axes.plot([p[0] for p in line.points], [p[1] for p in line.points], label=line.label, **style)
             for at_x, at_y, note in line.points:
-                axes.annotate(note, (at_x, at_y), (5, 3), textcoords="offset points", fontsize=6, color="0.3")
+                axes.annotate(note, (at_x, at_y), (5, -8), textcoords="offset points", fontsize=6, color="0.3")
         if panel.level is not None:
             axes.axhline(panel.level, color="0.6", linewidth=0.8, linestyle="--")
         axes.margins(x=0.15)
@@ -47,7 +50,10 @@ def save_figure(path: Path, panels: Sequence[Panel], x: str, y: str, width: floa
         axes.tick_params(axis="x", which="both", labelsize=7)
         axes.grid(alpha=0.3)
     plots[0][0].set_ylabel(y)
-    plots[0][0].legend(fontsize=7)
+    named = {}
+    for axes in plots[0]:
+        named |= {label: line for line, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=len(panels), fontsize=7)
     figure.savefig(path)
     plt.close(figure)
 
