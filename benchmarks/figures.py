@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import Artist
 from numpy.typing import NDArray
 
 matplotlib.use("Agg")
@@ -50,10 +51,10 @@ def save_figure(path: Path, panels: Sequence[Panel], x: str, y: str, width: floa
         axes.tick_params(axis="x", which="both", labelsize=7)
         axes.grid(alpha=0.3)
     plots[0][0].set_ylabel(y)
-    named = {}
+    named: dict[str, Artist] = {}
     for axes in plots[0]:
         named |= {label: line for line, label in zip(*axes.get_legend_handles_labels(), strict=True)}
-    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=len(panels), fontsize=7)
+    figure.legend(list(named.values()), list(named), loc="outside lower center", ncols=len(panels), fontsize=7)
     figure.savefig(path)
     plt.close(figure)
 
