@@ -51,7 +51,7 @@ class DemoScale:
     train: Ring = TRAIN
     train_locations: int = 2
     held_out: Ring = HELD_OUT
-    steps: int = 300
+    steps: int = 200
     batch: int = 4
 
 
