@@ -25,7 +25,7 @@ def before_after(entry: Entry, detector: str) -> Image.Image | None:
 
     Only the vehicle's box is drawn: the detector's best on it, blue, with its score; where that is below the threshold
     of a report's pictures, the true box, white. The view is the one with the median fall of that score among all of
-    the entry's.
+    the entry's first weather: fog would hide from a reader what it shows.
 
     Returns:
         None where the vehicle was not seen in its own paint.
@@ -37,7 +37,10 @@ def before_after(entry: Entry, detector: str) -> Image.Image | None:
     before = next(filter(is_normal, results.paints), None)
     if before is None:
         return None
-    (index,) = placed_frames(falls(entry, detector, before, after), ("median",))
+    weather = results.frames[0].weather
+    among = [index for index, frame in enumerate(results.frames) if frame.weather == weather]
+    (chosen,) = placed_frames(falls(entry, detector, before, after)[among], ("median",))
+    index = among[chosen]
     views = [_view(entry, recorded, detector, paint, index) for paint in (before, after)]
     sheet = Image.new("RGB", (2 * HALF, _HEAD + views[0].height + _FOOT), "white")
     pen = ImageDraw.Draw(sheet)
@@ -46,10 +49,11 @@ def before_after(entry: Entry, detector: str) -> Image.Image | None:
         pen.text((place * HALF + HALF / 2, _HEAD / 2), title, fill=_INK, font=ImageFont.load_default(17), anchor="mm")
     pen.line((HALF, 0, HALF, _HEAD + views[0].height), fill="white", width=2)
     _legend(pen, _HEAD + views[0].height, entry.category, detector)
-    frame, number = results.frames[index], len(results.frames)
-    chosen = f"{frame.weather}, {frame.azimuth_deg:.0f}°, {frame.distance_m:g} m:\nthe median fall among {number} views"
+    frame = results.frames[index]
+    view = f"{weather}, {frame.azimuth_deg:.0f}°, {frame.distance_m:g} m"
+    said = f"{view}:\nthe median fall among {len(among)} such views"
     at = 2 * HALF - 8, _HEAD + views[0].height + _FOOT / 2
-    pen.text(at, chosen, fill=_QUIET, font=ImageFont.load_default(13), anchor="rm", align="right", spacing=5)
+    pen.text(at, said, fill=_QUIET, font=ImageFont.load_default(13), anchor="rm", align="right", spacing=5)
     return sheet
 
 
