@@ -13,32 +13,36 @@ from numpy.typing import NDArray
 from ..core import clips, contract
 from .blocks import set_within
 
-KEYS = (-1, 0, 1, 2, 3)  # frames with a key, a shutter's time apart; frame 1 is the view's
 BUMPER_M = 0.5  # height at which a way must be free
 HALF_WIDTH_M = 0.9
 HALF_LENGTH_M = 2.2
 
 
-def move(scene: bpy.types.Scene, ways: Mapping[bpy.types.Object, Sequence[Matrix]], blurred: bool) -> None:
-    """Put objects where they are, and let them move there.
+def keys(driven: clips.Clips) -> dict[float, float]:
+    """Blender's frames that get keys, and seconds after the view's time.
 
-    Cycles opens the shutter for one of Blender's frames, around frame 1. Keys stand evenly on both sides of it, where
-    Blender's curves between them are straight.
+    Blender's frame lasts as long as a view is exposed, and frame 1 is the middle. These are the frames at which Cycles
+    asks for places, so nothing depends on Blender's curves between keys: those are not straight.
+    """
+    return {frame: (frame - 1) * driven.shutter_s for frame in (0.5, 1.0, 1.5)}
+
+
+def move(scene: bpy.types.Scene, ways: Mapping[bpy.types.Object, Mapping[float, Matrix]], driven: clips.Clips) -> None:
+    """Put objects where they are, and let them move while the clips' shutter is open.
 
     Args:
-        ways: of each object, its place at each of ``KEYS``.
-        blurred: False: they stand still at frame 1's place.
+        ways: of each object, its place at each frame of :func:`keys`.
     """
     render = scene.render
-    render.use_motion_blur = blurred
+    blurred = render.use_motion_blur = driven.shutter_s > 0
     for thing, places in ways.items():
         thing.animation_data_clear()
         thing.rotation_mode = "QUATERNION"
-        thing.matrix_world = places[KEYS.index(1)]
-        if not blurred or all(place == places[0] for place in places):
+        thing.matrix_world = places[1.0]
+        if not blurred or all(place == places[1.0] for place in places.values()):
             continue
         before = None
-        for frame, place in zip(KEYS, places, strict=True):
+        for frame, place in places.items():
             position, rotation, _ = place.decompose()
             if before is not None:
                 rotation.make_compatible(before)

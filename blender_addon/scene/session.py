@@ -144,13 +144,12 @@ class Session:
         clips = self.plan.clips
         if clips is None:
             return
-        times = [(key - 1) * clips.shutter_s for key in driving.KEYS]
-        seen = [self._driven(clips, location, view, time) for time in times]
+        seen = {frame: self._driven(clips, location, view, time) for frame, time in driving.keys(clips).items()}
         ways = {
-            self.scene.camera: [camera.stand(one.camera) for one, _ in seen],
-            self.vehicle.object: [Matrix(pose.tolist()) for _, pose in seen],
+            self.scene.camera: {frame: camera.stand(one.camera) for frame, (one, _) in seen.items()},
+            self.vehicle.object: {frame: Matrix(pose.tolist()) for frame, (_, pose) in seen.items()},
         }
-        driving.move(self.scene, ways, clips.shutter_s > 0)
+        driving.move(self.scene, ways, clips)
 
     def enter(self, location: int) -> None:
         """Put the vehicle at a location, if it is not there; its weather is to be set anew."""

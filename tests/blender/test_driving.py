@@ -7,8 +7,9 @@ from dataclasses import replace
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 
-from blender_addon.scene import driving
+from blender_addon.scene import driving, nodes, render
 from blender_addon.scene.session import Session
 from rauca_core.contract import Clips, Quality, RaucaError, Vehicle, Weather
 from tests.blender.conftest import psnr, small_plan
@@ -71,3 +72,51 @@ def test_a_way_through_what_stands_there_is_refused(box_vehicle: Vehicle):
     wall.location = street.at(driving.clips.Spot(-15.0))[:3, 3].tolist()
     with pytest.raises(RaucaError, match=r"here, approach: the camera's way runs into a wall at 0\.00 s; drive at"):
         driving.require_free_ways(session.scene, session.vehicle.object, street, clips, ["approach"], "here")
+
+
+SIZE = 64  # pixels; 16 of them a metre in front of the bar
+CLOSED = Quality(64, denoise=False, bounces=0)
+
+
+@pytest.fixture
+def passed_bar() -> bpy.types.Scene:
+    """A bright upright bar of 0.4 m, 5 m in front of an orthographic camera that sees 4 m."""
+    scene = bpy.data.scenes.new("a bar")
+    render.prepare(scene)
+    material = bpy.data.materials.new("bright")
+    tree = nodes.fresh_tree(material)
+    nodes.output(tree, Surface=nodes.add(tree, "ShaderNodeEmission").outputs[0])
+    mesh = bpy.data.meshes.new("bar")
+    mesh.from_pydata([(-0.2, -5, 0), (0.2, -5, 0), (0.2, 5, 0), (-0.2, 5, 0)], [], [(0, 1, 2, 3)])
+    mesh.materials.append(material)
+    scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 4.0
+    for thing in (bpy.data.objects.new("bar", mesh), scene.camera):
+        scene.collection.objects.link(thing)
+    scene.render.resolution_x = scene.render.resolution_y = SIZE
+    scene.render.film_transparent = True
+    return scene
+
+
+def drive_past(scene: bpy.types.Scene, driven: Clips) -> None:
+    """To the right, in front of the bar at the view's time."""
+    places = {frame: Matrix.Translation((driven.speed_m_s * s, 0, 5)) for frame, s in driving.keys(driven).items()}
+    driving.move(scene, {scene.camera: places}, driven)
+
+
+def spread_of(picture: np.ndarray, middle: np.ndarray) -> float:
+    """Variance across about each row's middle, pixels squared; of all rows."""
+    shown = picture[..., 3]
+    across = np.arange(shown.shape[1]) + 0.5 - middle[:, None]
+    return float((shown * across**2).sum() / shown.sum())
+
+
+def test_blur_is_as_long_as_the_way(passed_bar: bpy.types.Scene):
+    drive_past(passed_bar, Clips(("passing",), 3, 10.0, 10.0, 0.1))  # 16 pixels
+    still = Clips(("passing",), 3, 10.0, 10.0)
+    blurred = render.render_linear(passed_bar, CLOSED, 1)
+    drive_past(passed_bar, still)
+    spreads = [
+        spread_of(some, np.full(SIZE, SIZE / 2)) for some in (blurred, render.render_linear(passed_bar, CLOSED, 1))
+    ]
+    assert np.sqrt(12 * (spreads[0] - spreads[1])) == pytest.approx(16, rel=0.02)
