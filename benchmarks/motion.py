@@ -2,7 +2,8 @@
 
 Blur is measured against whole frames of many samples in random paint, moving sideways. Light maps are rendered with the
 shutter open, so they are exact for any uniform paint; a texture moves too, so its taps have to be averaged over the
-shutter. Both are told: taps of the shutter's middle alone, and of several moments.
+shutter. Both are told: taps of the shutter's middle alone, and of several moments. Under a rolling shutter the moments
+are those of bands of rows.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ from .renderer_agreement import SOLID
 FULL = Settings(
     manoeuvres=MANOEUVRES, frames=30, size=320, samples=4, speed_m_s=10.0, frame_rate=15.0, shutter_s=1 / 120,
     weathers=("clear-day", "low-sun"), blur_map_samples=32, blur_samples=512, blur_shutter_s=1 / 60,
+    readout_s=1 / 60,
     detectors=("yolov3-tiny", "yolov4-tiny", "ssd-mobilenet-v2", "ssd-mobilenet-v3"),
 )  # fmt: skip
 QUICK = FULL.but(
@@ -66,7 +68,7 @@ QUICK = FULL.but(
     weathers=("clear-day",), detectors=("yolov3-tiny", "yolov4-tiny"), blur_map_samples=16, blur_samples=256,
 )  # fmt: skip
 WHOLE_SENSOR = Sensor(0.5, 5000, 4, 8, 85, 0.3, 0.6)
-MOMENTS = 7  # of an open shutter, at which taps are built
+MOMENTS = 7  # of an open or rolling shutter, at which taps are built
 BLURRED_M_S = 10.0
 BLURRED = ("passing", 4)  # a manoeuvre and how many frames of it; the first and the last only tell the speed
 WANTED_DB = 36.0
@@ -143,52 +145,59 @@ def as_trackeval(truth: Sequence[Boxes], tracks: Sequence[Boxes]) -> dict[str, o
 
 
 def _blur(results: Results, folder: Path) -> None:
-    """Light maps under blur against a blurred render of the painted car; the same with the shutter shut."""
+    """Light maps under blur against a blurred render of the painted car; with the shutter shut and rolling, too."""
     settings, (sedan,) = results.settings, find_vehicles(["sedan"])
     body, (weather,) = recipes.vehicle_in(sedan.folder), find_preset("single")[:1]
     with progress_bars() as on_progress:
         engine = Engine(Store(folder), on_progress=on_progress)
         (painted,) = engine.make(recipes.random_paint(body, 1024, 1, 8))
         paint = recipes.camouflage_in(painted / CAMOUFLAGE, "random")
-        for shutter_s in (0.0, settings.blur_shutter_s):
-            clips = Clips((BLURRED[0],), BLURRED[1], BLURRED_M_S, 15.0, shutter_s)
+        for shutter_s, readout_s in ((0.0, 0.0), (0.0, settings.readout_s), (settings.blur_shutter_s, 0.0)):
+            clips = Clips((BLURRED[0],), BLURRED[1], BLURRED_M_S, 15.0, shutter_s, readout_s)
             plan = Plan.of(
                 (weather,), Ring((0.0,), (0.0,), (8.0,)), clips=clips, size=settings.size, min_visible=0.0,
                 quality=Quality(settings.blur_map_samples), seed=TEST["held-out clips"], vehicle_name=sedan.name,
                 atlas_id=sedan.atlas_id,
             )  # fmt: skip
             ids = [frame.id for frame in plan.frames()]
-            views = recipes.data_set(f"blur-{shutter_s:.3f}", plan, body, ids)
+            views = recipes.data_set(f"blur-{shutter_s:.3f}-{readout_s:.3f}", plan, body, ids)
             data, rendered = engine.make(views, recipes.renders(views, paint, ids[1:-1], settings.blur_samples))
-            for moments in (1, MOMENTS) if shutter_s else (1,):
-                found = inside_db(Dataset(data), painted / CAMOUFLAGE, rendered, shutter_s, moments)
-                results.add("blur", shutter_s=shutter_s, moments=moments, inside_db=found)
+            for moments in (1, MOMENTS) if clips.open_s else (1,):
+                found = inside_db(Dataset(data), painted / CAMOUFLAGE, rendered, clips, moments)
+                results.add("blur", shutter_s=shutter_s, readout_s=readout_s, moments=moments, inside_db=found)
     rows = results.rows["blur"]
     results.figures["blur_db"] = rows[-1]["inside_db"]
     results.target("light maps under blur, inside the paint", WANTED_DB, rows[-1]["inside_db"], "dB")
-    columns = {"shutter, s": "{shutter_s:.4f}", "moments of taps": "{moments}", "inside, dB": "{inside_db:.1f}"}
-    results.table("Light maps under motion blur against a blurred render of the painted car", columns, rows)
+    columns = {
+        "shutter, s": "{shutter_s:.4f}", "readout, s": "{readout_s:.4f}", "moments of taps": "{moments}",
+        "inside, dB": "{inside_db:.1f}",
+    }  # fmt: skip
+    results.table("Light maps under motion blur against such a render of the painted car", columns, rows)
 
 
-def inside_db(dataset: Dataset, camouflage: Path, renders: Path, shutter_s: float, moments: int) -> float:
+def inside_db(dataset: Dataset, camouflage: Path, renders: Path, clips: Clips, moments: int) -> float:
     """PSNR of predicted frames inside the paint, display space, over a clip's frames but the first and the last.
 
     Args:
-        moments: of the open shutter, over which the texture's taps are averaged by coverage.
+        clips: whose shutter is open or rolls, not both.
+        moments: of the open shutter, over which the texture's taps are averaged by coverage; or of a rolling one, of
+            which each is that of a band of rows.
     """
     vehicle = load_vehicle(dataset.vehicle_folder, read_image)
     record, image = load_camouflage(camouflage)
     pyramid = Pyramid.of(vehicle, record.size)
     uv_map = torch.from_numpy(read_image(image).astype(np.float32) / 255).permute(2, 0, 1)
     texels = pyramid(srgb_to_linear(pyramid.from_map(uv_map)))
-    later = ((np.arange(moments) + 0.5) / moments - 0.5) * shutter_s
+    later = ((np.arange(moments) + 0.5) / moments - 0.5) * clips.open_s
     frames, errors = dataset.frames(), []
     for before, frame, after in zip(frames, frames[1:], frames[2:], strict=False):
         pixels = dataset.plan.size**2
         shown, share = torch.zeros(pixels, 3), torch.zeros(pixels, 1)
-        for moment in later.tolist():
+        for band, moment in enumerate(later.tolist()):
             taps = build_taps(vehicle, seen_at(before, frame, after, moment), pyramid.size, 12, pyramid=pyramid)
             covered = torch.from_numpy(taps.coverage().astype(np.float32)).reshape(-1, 1)
+            if clips.readout_s:
+                covered *= torch.arange(pixels)[:, None] // dataset.plan.size * moments // dataset.plan.size == band
             place = torch.from_numpy(taps.pixels.astype(np.int64))
             shown.index_add_(0, place, covered[place] * taps.rows(texels))
             share += covered

@@ -12,7 +12,7 @@ import rauca_core as rauca
 from rauca_core.contract import RaucaError
 from rauca_core.contract.clips import clips_asked
 
-from .clip_options import ClipFrames, ClipNames, FrameRate, Shutter, Speed, Tracker, show_drives, write_drives
+from .clip_options import ClipFrames, ClipNames, FrameRate, Readout, Shutter, Speed, Tracker, show_drives, write_drives
 from .console import command_line, console, output
 from .detector_commands import Classes, ClassNames, open_detector, show_preflight
 from .evaluate import split_defences
@@ -56,6 +56,7 @@ def assess(
     speed: Speed = 10.0,
     frame_rate: FrameRate = 15.0,
     shutter: Shutter = 0.0,
+    readout: Readout = 0.0,
     tracker: Tracker = "bytetrack",
     threshold: Annotated[float, typer.Option(min=0.0, max=1.0, help="score at which the detector is deployed")] = 0.25,
     harden: Annotated[bool, typer.Option("--harden", help="harden the detector, and assess it again")] = False,
@@ -87,7 +88,7 @@ def assess(
         raise RaucaError("--slurm: its tasks load a detector by its name alone; drop --classes, --names and --defences")
     driving = None
     if clips:
-        driven = clips_asked(clips, clip_frames, speed, frame_rate, shutter)
+        driven = clips_asked(clips, clip_frames, speed, frame_rate, shutter, readout)
         driving = Driving(driven, tuple(split_names(clip_weathers)) or ("single",), tracker)
     works = works_of(battery, vehicles, white_box, len(looked_through), driving)
     same: dict[str, Any] = {"battery": battery, "budget": budget, "vehicles": vehicles, "command": command_line()}

@@ -21,6 +21,9 @@ ClipFrames = Annotated[int, typer.Option(min=1, help="frames of each clip")]
 Speed = Annotated[float, typer.Option(help="of the camera in clips, m/s")]
 FrameRate = Annotated[float, typer.Option(help="of clips, frames a second")]
 Shutter = Annotated[float, typer.Option(help="seconds that it is open in clips: motion blur; 0: none")]
+Readout = Annotated[
+    float, typer.Option(help="seconds from the first row's exposure to the last's in clips: rolling shutter; 0: none")
+]
 Tracker = Annotated[Literal["bytetrack", "sort"], typer.Option(help="that joins detections of clips")]
 
 

@@ -77,7 +77,7 @@ def _driven(options: argparse.Namespace) -> dict[str, Any]:
     """What clips change in a plan: they keep frames in which the vehicle is hidden, as a tracker sees those too."""
     if not options.clips:
         return {}
-    driven = (options.clip_frames, options.speed, options.frame_rate, options.shutter)
+    driven = (options.clip_frames, options.speed, options.frame_rate, options.shutter, options.readout)
     return {"clips": clips_asked(options.clips, *driven), "min_visible": 0.0}
 
 
@@ -169,6 +169,8 @@ def plan_parser() -> argparse.ArgumentParser:
     add("--speed", type=float, default=10.0, help="of the camera in clips, m/s")
     add("--frame-rate", type=float, default=15.0, help="of clips, frames a second")
     add("--shutter", type=float, default=0.0, help="seconds that it is open in clips: motion blur; 0: none")
+    rolling = "seconds from the first row's exposure to the last's in clips: rolling shutter; 0: none"
+    add("--readout", type=float, default=0.0, help=rolling)
     add("--fov", type=float, default=60.0, help="horizontal field of view, degrees")
     add("--size", type=_whole, default=320, help="frames are square, pixels")
     add("--samples", type=_whole, default=8, help="Cycles samples per pixel before denoising")

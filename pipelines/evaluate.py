@@ -14,7 +14,7 @@ import rauca_core as rauca
 from rauca_core.contract import RaucaError
 from rauca_core.contract.clips import clips_asked
 
-from .clip_options import ClipFrames, ClipNames, FrameRate, Shutter, Speed, Tracker, show_drives, write_drives
+from .clip_options import ClipFrames, ClipNames, FrameRate, Readout, Shutter, Speed, Tracker, show_drives, write_drives
 from .console import command_line, console, output
 from .options import Blender, Device, JsonProgress, RenderDevice, Slurm, means_of, numbers, split_names
 
@@ -73,6 +73,7 @@ def evaluate(
     speed: Speed = 10.0,
     frame_rate: FrameRate = 15.0,
     shutter: Shutter = 0.0,
+    readout: Readout = 0.0,
     tracker: Tracker = "bytetrack",
     random: Annotated[bool, typer.Option("--random", help="evaluate in random paint too")] = False,
     random_seed: Annotated[int, typer.Option(min=0)] = 1,
@@ -106,7 +107,7 @@ def evaluate(
     town = TEST["held-out views"] if views_seed is None else views_seed
     views = HeldOut(frames or SCALES[scale], chosen, locations, size, samples, town, fit=distances is None)
     if clips:
-        driven = clips_asked(clips, clip_frames, speed, frame_rate, shutter)
+        driven = clips_asked(clips, clip_frames, speed, frame_rate, shutter, readout)
         views = HeldOut.driven(driven, size, samples, views_seed)
     with means_of(device, slurm, blender, render_device, json_progress=json_progress) as means:
         study = rauca.evaluate(

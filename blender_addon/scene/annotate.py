@@ -5,7 +5,8 @@ modes, so that a location's surfaces are exchanged once for all its cameras:
 
 - *coverage*: red is "vehicle", green "paint", blue the distance to the camera. With the image's own pixel filter a
   pixel's value is exactly the renderer's anti-aliased coverage.
-- *ids*: red is the semantic class, green the instance. One sample through the middle of the pixel: ids never blend.
+- *ids*: red is the semantic class, green the instance. One sample through the middle of the pixel, at the middle of
+  its row's exposure: ids never blend.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from ..core import color, contract, semantics
 from . import nodes
 from .annotatable import categories, exchanged_materials, is_volume, shown_objects
 from .blocks import set_within
+from .driving import sharp
 from .render import Crop, render_linear
 from .vehicle import SceneVehicle
 
@@ -94,8 +96,7 @@ class GeometryView:
     def _ids(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
         """Semantic and instance ids at the pixels' centers, (H, W) each."""
         self._switch(1.0)
-        sharp = (self._scene.render, "use_motion_blur", False)  # ids never blend
-        with set_within((self._scene.cycles, "filter_width", SMALLEST_FILTER), sharp):
+        with set_within((self._scene.cycles, "filter_width", SMALLEST_FILTER), *sharp(self._scene)):
             pixels = render_linear(self._scene, contract.Quality(1, denoise=False, bounces=0), 0)
         numbers = np.rint(pixels).astype(np.uint8)
         semantic = np.where(pixels[..., 3] < 0.5, np.uint8(semantics.CLASS_IDS["sky"]), numbers[..., 0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import bpy
 import numpy as np
@@ -24,7 +25,9 @@ def keys(driven: clips.Clips) -> dict[float, float]:
     Blender's frame lasts as long as a view is exposed, and frame 1 is the middle. These are the frames at which Cycles
     asks for places, so nothing depends on Blender's curves between keys: those are not straight.
     """
-    return {frame: (frame - 1) * driven.shutter_s for frame in (0.5, 1.0, 1.5)}
+    rolled = driven.readout_s / driven.open_s if driven.open_s else 0.0
+    frames = sorted({0.5, 1 - rolled / 2, 1.0, 1 + rolled / 2, 1.5})
+    return {frame: (frame - 1) * driven.open_s for frame in frames}
 
 
 def move(scene: bpy.types.Scene, ways: Mapping[bpy.types.Object, Mapping[float, Matrix]], driven: clips.Clips) -> None:
@@ -33,8 +36,8 @@ def move(scene: bpy.types.Scene, ways: Mapping[bpy.types.Object, Mapping[float, 
     Args:
         ways: of each object, its place at each frame of :func:`keys`.
     """
-    render = scene.render
-    blurred = render.use_motion_blur = driven.shutter_s > 0
+    render, cycles = scene.render, scene.cycles
+    blurred = render.use_motion_blur = driven.open_s > 0
     for thing, places in ways.items():
         thing.animation_data_clear()
         thing.rotation_mode = "QUATERNION"
@@ -51,7 +54,19 @@ def move(scene: bpy.types.Scene, ways: Mapping[bpy.types.Object, Mapping[float, 
             thing.keyframe_insert("rotation_quaternion", frame=frame)
     if blurred:
         render.motion_blur_position, render.motion_blur_shutter = "CENTER", 1.0
+        # Cycles exposes each row for a share of the shutter's time; the first row at its begin, the last at its end.
+        cycles.rolling_shutter_type = "TOP" if driven.readout_s else "NONE"
+        cycles.rolling_shutter_duration = driven.shutter_s / driven.open_s
     scene.frame_set(1)
+
+
+def sharp(scene: bpy.types.Scene) -> list[tuple[Any, str, Any]]:
+    """Settings, for :func:`set_within`, under which every row shows one moment alone: the middle of its exposure."""
+    render, cycles = scene.render, scene.cycles
+    if not render.use_motion_blur or cycles.rolling_shutter_type == "NONE":
+        return [(render, "use_motion_blur", False)]
+    readout = 1 - cycles.rolling_shutter_duration
+    return [(cycles, "rolling_shutter_duration", 0.0), (render, "motion_blur_shutter", readout)]
 
 
 def require_free_ways(

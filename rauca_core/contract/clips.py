@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ LOOKS_AT_M = (20.0, 0.0, 0.6)  # ahead of the camera's car, on the ground
 NEAREST_M = 6.0  # at the end of an approach: from the camera to the vehicle's middle
 LANE_CHANGE_S = 2.5  # a hasty one; done when the clip ends, so a shorter clip begins in its midst
 BEHIND_M = 10.0  # kept when following, and when another cuts in
-FARTHEST_BLUR_M = 0.5  # that anything may move while the shutter is open
+FARTHEST_M = 0.5  # that the camera may move while a frame is exposed
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,9 @@ class Clips(Record):
         frames: of each clip.
         speed_m_s: of the camera; what else moves has a speed that follows from it, see :func:`moves`.
         frame_rate: frames a second.
-        shutter_s: that the shutter is open, around a frame's time; 0: no motion blur.
+        shutter_s: that each row is exposed; 0: no motion blur.
+        readout_s: by which the last row is exposed later than the first, with a frame's time in the middle: a rolling
+            shutter; 0: all rows at once.
     """
 
     manoeuvres: tuple[str, ...]
@@ -44,6 +46,12 @@ class Clips(Record):
     speed_m_s: Annotated[float, (0.1, 100)] = 10.0
     frame_rate: Annotated[float, (0.1, 1000)] = 15.0
     shutter_s: Annotated[float, (0, 10)] = 0.0
+    readout_s: Annotated[float, (0, 10)] = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """As of any record; a shutter that opens for all rows at once says nothing of a readout, as before."""
+        told = super().to_json()
+        return told if self.readout_s else {name: value for name, value in told.items() if name != "readout_s"}
 
     def __len__(self) -> int:
         """Views of a location."""
@@ -53,6 +61,11 @@ class Clips(Record):
     def length_s(self) -> float:
         """From the first frame to the last."""
         return (self.frames - 1) / self.frame_rate
+
+    @property
+    def open_s(self) -> float:
+        """From when the first row's exposure begins to when the last row's ends."""
+        return self.shutter_s + self.readout_s
 
     def at(self, view: int) -> tuple[str, float]:
         """The manoeuvre of a view, and the time since the clip's begin, seconds."""
@@ -70,17 +83,25 @@ class Clips(Record):
                 f"{where}: a shutter open for {self.shutter_s:g} s does not close between frames, of which there are "
                 f"{self.frame_rate:g} a second; open it for at most {1 / self.frame_rate:.3g} s"
             )
-        if self.speed_m_s * self.shutter_s > FARTHEST_BLUR_M:
+        if self.readout_s * self.frame_rate > 1:
             raise RaucaError(
-                f"{where}: {self.speed_m_s:g} m/s is {self.speed_m_s * self.shutter_s:.2g} m with the shutter open, "
-                f"more than the {FARTHEST_BLUR_M} m that are rendered as blur; drive more slowly or shut it sooner"
+                f"{where}: a readout of {self.readout_s:g} s is not done when the next frame begins, of which there "
+                f"are {self.frame_rate:g} a second; read out in at most {1 / self.frame_rate:.3g} s"
+            )
+        if self.speed_m_s * self.open_s > FARTHEST_M:
+            raise RaucaError(
+                f"{where}: {self.speed_m_s:g} m/s is {self.speed_m_s * self.open_s:.2g} m while a frame is exposed "
+                f"(shutter and readout), more than the {FARTHEST_M} m that are rendered of motion; drive more slowly "
+                "or shorten the two"
             )
 
 
-def clips_asked(manoeuvres: str, frames: int, speed_m_s: float, frame_rate: float, shutter_s: float) -> Clips:
+def clips_asked(
+    manoeuvres: str, frames: int, speed_m_s: float, frame_rate: float, shutter_s: float, readout_s: float = 0.0
+) -> Clips:
     """Clips as they are typed: ``all`` or names, comma separated; raises :class:`RaucaError` for a mistake."""
     names = MANOEUVRES if manoeuvres == "all" else tuple(manoeuvres.split(","))
-    clips = Clips(names, frames, speed_m_s, frame_rate, shutter_s)
+    clips = Clips(names, frames, speed_m_s, frame_rate, shutter_s, readout_s)
     clips.check("--clips")
     return clips
 

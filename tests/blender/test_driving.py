@@ -10,6 +10,7 @@ import pytest
 from mathutils import Matrix
 
 from blender_addon.scene import driving, nodes, render
+from blender_addon.scene.blocks import set_within
 from blender_addon.scene.session import Session
 from rauca_core.contract import Clips, Quality, RaucaError, Vehicle, Weather
 from tests.blender.conftest import psnr, small_plan
@@ -104,11 +105,44 @@ def drive_past(scene: bpy.types.Scene, driven: Clips) -> None:
     driving.move(scene, {scene.camera: places}, driven)
 
 
+def bar_of(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Middle and width of the bar in every row, pixels."""
+    shown = picture[..., 3]
+    width = shown.sum(axis=1)
+    return shown @ (np.arange(shown.shape[1]) + 0.5) / width, width
+
+
 def spread_of(picture: np.ndarray, middle: np.ndarray) -> float:
     """Variance across about each row's middle, pixels squared; of all rows."""
     shown = picture[..., 3]
     across = np.arange(shown.shape[1]) + 0.5 - middle[:, None]
     return float((shown * across**2).sum() / shown.sum())
+
+
+@pytest.mark.parametrize("shutter_s", [0.0, 0.03])
+def test_a_rolling_shutter_skews_what_is_passed(passed_bar: bpy.types.Scene, shutter_s):
+    """By the way between two rows' moments, to the other side than the camera goes; blurred as far as a row is open."""
+    speed_m_s, readout_s, px_per_m = 10.0, 0.05, SIZE / 4
+    drive_past(passed_bar, Clips(("passing",), 3, speed_m_s, 10.0, shutter_s, readout_s))
+    whole = render.render_linear(passed_bar, CLOSED, 1)
+    middle, width = bar_of(whole)
+    row_s = readout_s / SIZE
+    expected = SIZE / 2 - px_per_m * speed_m_s * row_s * (np.arange(SIZE) + 1 - SIZE / 2)
+    np.testing.assert_allclose(middle, expected, atol=0.3)
+    assert middle[0] - middle[-1] == pytest.approx(8 * 63 / 64, abs=0.2)
+    np.testing.assert_allclose(width, 6.4, atol=0.4)  # light is spread, not lost
+    crop = render.Crop(8, 16, 56, 40)
+    np.testing.assert_array_equal(render.render_linear(passed_bar, CLOSED, 1, crop), whole[crop.inside])
+    # Ids: without blur, where the rows are.
+    with set_within(*driving.sharp(passed_bar)):
+        ids = render.render_linear(passed_bar, CLOSED, 1)
+    np.testing.assert_allclose(bar_of(ids)[0], expected, atol=0.15)
+    blur = np.sqrt(12 * max(spread_of(whole, expected) - spread_of(ids, expected), 0.0))
+    assert blur == pytest.approx(px_per_m * speed_m_s * shutter_s, rel=0.05, abs=0.3)
+    # And next a shutter for all rows at once, which takes nothing over.
+    drive_past(passed_bar, Clips(("passing",), 3, speed_m_s, 10.0, 0.05))
+    middle, _ = bar_of(render.render_linear(passed_bar, CLOSED, 1))
+    np.testing.assert_allclose(middle, SIZE / 2, atol=0.5)
 
 
 def test_blur_is_as_long_as_the_way(passed_bar: bpy.types.Scene):
@@ -120,3 +154,24 @@ def test_blur_is_as_long_as_the_way(passed_bar: bpy.types.Scene):
         spread_of(some, np.full(SIZE, SIZE / 2)) for some in (blurred, render.render_linear(passed_bar, CLOSED, 1))
     ]
     assert np.sqrt(12 * (spreads[0] - spreads[1])) == pytest.approx(16, rel=0.02)
+
+
+def test_masks_and_ids_of_a_rolling_shutter_are_those_of_its_rows(box_vehicle: Vehicle):
+    """Each row of a frame is that row of a still at the row's moment; camera and vehicle both move."""
+    size, readout_s, speed_m_s, step = 64, 0.1, 30.0, 64
+    ring = replace(small_plan(box_vehicle.atlas_id).ring, fov_deg=25.0)
+    many = session_of(box_vehicle, Clips(("crossing",), 4 * step + 1, speed_m_s, size / readout_s), ring=ring)
+    many.enter(0)
+    views = {row: 2 * step + row + 1 - size // 2 for row in range(25, 45, 3)}
+    still = many.annotations(0, views.values())
+    middle = still[views[31]]
+    for shutter_s in (0.0, 0.004):
+        rolling = Clips(("crossing",), 5, speed_m_s, size / readout_s / step, shutter_s, readout_s)
+        session = session_of(box_vehicle, rolling, ring=ring)
+        session.enter(0)
+        found = session.annotations(0, [2])[2]
+        for row, view in views.items():
+            assert ((found.instances[row] == 255) == (still[view].instances[row] == 255)).all()
+            np.testing.assert_allclose(found.vehicle[row] / 255, still[view].vehicle[row] / 255, atol=0.15)
+        off = [(middle.instances[row] != still[view].instances[row]).sum() for row, view in views.items()]
+        assert sum(off) >= 6  # so the middle's rows would not do

@@ -65,6 +65,9 @@ def test_frames_of_clips_are_frames_of_the_plan():
     assert len(planned_frames(plan)) == 2 * 66 * len(plan.weathers)
     assert Plan.from_json(Fields(plan.to_json(), "plan")) == plan
     assert "clips" not in PLAN.to_json()
+    assert "readout_s" not in plan.to_json()["clips"]
+    rolling = replace(plan, clips=replace(CLIPS, readout_s=0.02))
+    assert Plan.from_json(Fields(rolling.to_json(), "plan")) == rolling != plan
     assert clip_name(CLIPS, 1, 12, "day") == "L01-overtaken-day"
     assert CLIPS.at(12) == ("overtaken", 0.1)
     with pytest.raises(RaucaError, match="a part of a clip is no clip"):
@@ -83,7 +86,10 @@ def test_a_frame_says_its_clip_and_a_still_says_nothing():
     [
         (("approach", 1, 10.0, 15.0, 0.0), "a clip of one frame shows no motion"),
         (("approach", 9, 10.0, 15.0, 0.1), "does not close between frames"),
-        (("approach", 9, 60.0, 15.0, 0.05), "60 m/s is 3 m with the shutter open"),
+        (("approach", 9, 60.0, 15.0, 0.05), "60 m/s is 3 m while a frame is exposed"),
+        (("approach", 9, 10.0, 15.0, 0.0, 0.1), "a readout of 0.1 s is not done when the next frame begins"),
+        (("approach", 9, 10.0, 15.0, 0.0, -0.1), "readout_s must be between 0 and 10"),
+        (("approach", 9, 12.0, 15.0, 0.01, 0.04), "12 m/s is 0.6 m while a frame is exposed"),
         (("approach,fly", 9, 10.0, 15.0, 0.0), "fly: clips are any of approach, overtaken"),
         (("approach,approach", 9, 10.0, 15.0, 0.0), "none, or one twice"),
     ],
