@@ -58,7 +58,7 @@ from .harness import Results, Settings
 from .renderer_agreement import SOLID
 
 FULL = Settings(
-    manoeuvres=MANOEUVRES, frames=30, size=320, samples=4, speed_m_s=10.0, frame_rate=15.0, shutter_s=1 / 120,
+    manoeuvres=MANOEUVRES, frames=20, size=320, samples=4, speed_m_s=10.0, frame_rate=10.0, shutter_s=1 / 120,
     weathers=("clear-day", "low-sun"), blur_map_samples=32, blur_samples=512, blur_shutter_s=1 / 60,
     readout_s=1 / 60,
     detectors=("yolov3-tiny", "yolov4-tiny", "ssd-mobilenet-v2", "ssd-mobilenet-v3"),
