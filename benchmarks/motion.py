@@ -59,13 +59,13 @@ from .renderer_agreement import SOLID
 
 FULL = Settings(
     manoeuvres=MANOEUVRES, frames=20, size=320, samples=4, speed_m_s=10.0, frame_rate=10.0, shutter_s=1 / 120,
-    weathers=("clear-day", "low-sun"), blur_map_samples=32, blur_samples=512, blur_shutter_s=1 / 60,
+    weathers=("clear-day", "low-sun"), blur_size=160, blur_map_samples=16, blur_samples=256, blur_shutter_s=1 / 60,
     readout_s=1 / 60,
     detectors=("yolov3-tiny", "yolov4-tiny", "ssd-mobilenet-v2", "ssd-mobilenet-v3"),
 )  # fmt: skip
 QUICK = FULL.but(
     manoeuvres=("approach", "cut-in"), frames=10, size=160, speed_m_s=15.0, frame_rate=10.0,
-    weathers=("clear-day",), detectors=("yolov3-tiny", "yolov4-tiny"), blur_map_samples=16, blur_samples=256,
+    weathers=("clear-day",), detectors=("yolov3-tiny", "yolov4-tiny"),
 )  # fmt: skip
 WHOLE_SENSOR = Sensor(0.5, 5000, 4, 8, 85, 0.3, 0.6)
 MOMENTS = 7  # of an open or rolling shutter, at which taps are built
@@ -155,7 +155,7 @@ def _blur(results: Results, folder: Path) -> None:
         for shutter_s, readout_s in ((0.0, 0.0), (0.0, settings.readout_s), (settings.blur_shutter_s, 0.0)):
             clips = Clips((BLURRED[0],), BLURRED[1], BLURRED_M_S, 15.0, shutter_s, readout_s)
             plan = Plan.of(
-                (weather,), Ring((0.0,), (0.0,), (8.0,)), clips=clips, size=settings.size, min_visible=0.0,
+                (weather,), Ring((0.0,), (0.0,), (8.0,)), clips=clips, size=settings.blur_size, min_visible=0.0,
                 quality=Quality(settings.blur_map_samples), seed=TEST["held-out clips"], vehicle_name=sedan.name,
                 atlas_id=sedan.atlas_id,
             )  # fmt: skip

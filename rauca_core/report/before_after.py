@@ -50,8 +50,8 @@ def before_after(entry: Entry, detector: str) -> Image.Image | None:
     pen.line((HALF, 0, HALF, _HEAD + views[0].height), fill="white", width=2)
     _legend(pen, _HEAD + views[0].height, entry.category, detector)
     frame = results.frames[index]
-    view = f"{weather}, {frame.azimuth_deg:.0f}°, {frame.distance_m:g} m"
-    said = f"{view}:\nthe median fall among {len(among)} such views"
+    camera = f"{weather}, {frame.azimuth_deg:.0f}°, {frame.distance_m:g} m"
+    said = f"{camera}:\nthe median fall among {len(among)} such views"
     at = 2 * HALF - 8, _HEAD + views[0].height + _FOOT / 2
     pen.text(at, said, fill=_QUIET, font=ImageFont.load_default(13), anchor="rm", align="right", spacing=5)
     return sheet
