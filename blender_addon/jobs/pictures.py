@@ -36,10 +36,17 @@ def fill(preview: bpy.types.ImagePreview, pixels: NDArray[np.uint8] | NDArray[np
     preview.image_pixels_float.foreach_set(np.ascontiguousarray(rgba[::-1]).ravel())
 
 
-def load(name: str, path: Path) -> int:
-    """The icon of a picture's file, read when it is first asked for and kept under ``name``."""
+def load(name: str, path: Path, now: bool = False) -> int:
+    """The icon of a picture's file, kept under ``name``.
+
+    Args:
+        now: read it at once, which is for small ones. Otherwise Blender reads it beside the window and draws a panel
+            again, but not a menu, which would show no picture until the mouse moves.
+    """
     if name not in _collection():
-        _collection().load(name, str(path), "IMAGE")
+        loaded = _collection().load(name, str(path), "IMAGE")
+        if now:
+            _ = loaded.image_size[:]  # who asks for the size gets the picture read
     return icon(name)
 
 

@@ -17,21 +17,20 @@ class RAUCA_MT_vehicles(bpy.types.Menu):
     bl_label = "Add Vehicle"
 
     def draw(self, context: bpy.types.Context) -> None:
-        # A menu of the operator's choices would show the pictures as small as icons.
-        # A picture goes into the layout that was made last, whichever is named: so each cell is filled at once.
-        items = vehicle_items()
-        for start in range(0, len(items), COLUMNS):
-            row = self.layout.row()
-            for name, shown, *_ in items[start : start + COLUMNS]:
-                cell = row.column()
-                cell.template_icon(picture_of(name), scale=HEIGHT)
-                cell.operator("rauca.add_vehicle", text=shown, translate=False).vehicle = name
+        # A menu of the operator's choices would show the pictures as small as icons. Blender places what is in a menu by
+        # columns, each filled from its top: what was laid out in rows would be set one beside the other.
+        row, items = self.layout.row(), vehicle_items()
+        for first in range(COLUMNS):
+            column = row.column()
+            for name, shown, *_ in items[first::COLUMNS]:
+                column.template_icon(picture_of(name), scale=HEIGHT)
+                column.operator("rauca.add_vehicle", text=shown, translate=False).vehicle = name
 
 
 def picture_of(name: str) -> int:
     """The icon of a shipped vehicle's picture; 0 where it has none."""
     path = assets.assets_folder() / "vehicles" / f"{name}.jpg"
-    return pictures.load(f"vehicle.{name}", path) if path.is_file() else 0
+    return pictures.load(f"vehicle.{name}", path, now=True) if path.is_file() else 0
 
 
 def _draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
