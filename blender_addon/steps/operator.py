@@ -36,6 +36,19 @@ NOT_PICKED = Obstacle(
     "Pick the vehicle's object or collection first", lambda context: context.scene.rauca.vehicle.picked(context) is None
 )
 
+VIEWS = ("cameras", "camouflage", "photograph")  # steps that may look through a camera of their own
+LEAVE_FIRST = "Leave the view that is looked through first"
+
+
+def covered(mine: str) -> Obstacle:
+    """While a step's view lies below a later one: the last is left first, so that each gives back what it found."""
+
+    def stands(context: bpy.types.Context) -> bool:
+        others = [getattr(context.scene.rauca, step).camera for step in VIEWS if step != mine]
+        return getattr(context.scene.rauca, mine).camera is not None and context.scene.camera in filter(None, others)
+
+    return Obstacle(LEAVE_FIRST, stands)
+
 
 def see_through_camera(context: bpy.types.Context, wanted: bool) -> None:
     """Look through the scene's camera as Numpad 0 does, or back from where the user looked before."""

@@ -52,16 +52,18 @@ def test_blenders_add_menu_has_vehicles(addon):
 
 
 class Grid:
-    """A menu's layout: notes the pictures by their icons, and each button's choice."""
+    """A menu's layout: notes the pictures by their icons, and each button's choice, column by column."""
 
     def __init__(self) -> None:
         self.icons: list[int] = []
+        self.tops: list[int] = []  # the number of each column's first button
         self.buttons: list[tuple[str, SimpleNamespace]] = []
 
     def row(self):
         return self
 
     def column(self):
+        self.tops.append(len(self.buttons))
         return self
 
     def template_icon(self, icon, scale):
@@ -76,7 +78,8 @@ def test_the_menu_shows_a_picture_of_every_shipped_vehicle(addon):
     grid = Grid()
     add_menu.RAUCA_MT_vehicles.draw(SimpleNamespace(layout=grid), bpy.context)
     assert {button.vehicle for _, button in grid.buttons} == set(shipped_names())
-    assert [text for text, _ in grid.buttons[:4]] == ["Hatchback", "Sedan", "SUV", "Van"]
+    # Blender sets what a menu holds by columns: read across, cars come first.
+    assert [grid.buttons[top][0] for top in grid.tops[:4]] == ["Hatchback", "Sedan", "SUV", "Van"]
     assert len(grid.icons) == len(grid.buttons)
     for name in shipped_names():
         picture = pictures.shown(f"vehicle.{name}")

@@ -165,6 +165,28 @@ def test_what_keeps_a_photograph_from_being_fitted(addon, photograph, tmp_path):
     assert state(addon.context).words == "Choose a folder for the photograph"
 
 
+def test_views_are_left_in_the_order_that_gives_the_own_camera_back(addon, photograph):
+    """Another order would bring a camera back that is gone."""
+    scene = addon.context.scene
+    own = scene.camera = new_holder()
+    scene.collection.objects.link(own)
+    size = scene.render.resolution_x
+    addon.ops.rauca.look_through(step=1)
+    addon.ops.rauca.look_at_photograph()
+    assert "Leave the view" in refusal(addon.ops.rauca.look_through)
+    assert "Leave the view" in refusal(addon.ops.rauca.leave_view)
+    addon.ops.rauca.leave_photograph()
+    addon.ops.rauca.look_through(step=1)
+    addon.ops.rauca.leave_view()
+    assert (scene.camera, scene.render.resolution_x) == (own, size)
+
+
+def test_nothing_is_marked_before_a_photograph_is_chosen(addon, photograph):
+    photograph.file = ""
+    assert "Choose a photograph first" in refusal(addon.ops.rauca.mark_points)
+    assert state(addon.context).words == "Choose a photograph first"
+
+
 def test_a_vehicle_that_is_a_file_stands_where_step_6_placed_it(addon, photograph, tmp_path):
     vehicle = addon.context.scene.rauca.vehicle
     here = anchor(addon.context).vehicle_to_world

@@ -136,6 +136,48 @@ def test_one_click_adds_the_demo_scene(desk: Sidebar, way: Way) -> None:
     look(desk, "SOLID")
 
 
+def test_a_photograph_is_looked_at_marked_and_left(desk: Sidebar) -> None:
+    """Without a Python: that is needed for the fit alone."""
+    blender, screen = desk.blender, desk.screen
+    wide, high = 320, 240
+    picture = np.zeros((high, wide, 3), np.uint8)
+    picture[..., 1], picture[..., 2] = np.linspace(0, 255, wide), np.linspace(0, 255, high)[:, None]
+    cv2.imwrite(str(blender.outside / "photograph.png"), picture)
+    settings = "kept = bpy.context.scene.rauca.photograph\n"
+    words = "value = own('steps.photograph.panel').state(bpy.context).words"
+    marking = "value = own('steps.photograph.marking').RAUCA_OT_mark_points.under_way"
+    desk.open(7)
+    desk.unfold("study", "mask", skip=ROW)
+    assert blender.ask(words) == "Choose a photograph first"
+    desk.enter("file", str(blender.scratch / "photograph.png"))
+    assert blender.ask(words) == "Look at the photograph first"
+    looking = settings + "value = kept.camera is not None and bpy.context.scene.camera == kept.camera"
+    desk.press("rauca.look_at_photograph(", lambda: blender.ask(looking))
+    assert blender.ask(words) == "Choose a folder for the photograph"
+    blender.shoot("p-looked")
+    desk.press("rauca.mark_points(", lambda: blender.ask(marking))
+    left, top, width, height = blender.region("WINDOW")
+    middle = left + width / 2, top + height / 2  # the first look is at the vehicle's middle
+    screen.click(*middle)
+    alone = settings + "value = kept.camera.data.background_images[0].alpha == 1.0"
+    blender.wait(lambda: blender.ask(alone), "the photograph alone")
+    screen.click(*middle)
+    marks = settings + "value = [[*mark.vehicle_m, *mark.pixel] for mark in kept.marks]"
+    blender.wait(lambda: blender.ask(marks), "a mark")
+    screen.key("Escape")
+    blender.wait(lambda: not blender.ask(marking), "the end of marking")
+    ((x, y, z, column, row),) = blender.ask(marks)
+    assert max(abs(x), abs(y), abs(z)) < 3.0  # metres: on the sedan
+    assert abs(column - wide / 2) < 3
+    assert abs(row - high / 2) < 3
+    assert blender.ask(words).startswith("1 of at least 6 points are marked")
+    blender.shoot("p-marked")
+    left_it = settings + "value = kept.camera is None"
+    desk.press("rauca.leave_photograph(", lambda: blender.ask(left_it))
+    assert blender.ask("value = bpy.context.scene.camera == bpy.context.scene.rauca.cameras.camera")
+    assert blender.ask(settings + "value = len(kept.marks)") == 1
+
+
 def test_step_4_generates_a_dataset(desk: Sidebar, figures: dict[str, str], way: Way) -> None:
     blender = desk.blender
     desk.open(4)

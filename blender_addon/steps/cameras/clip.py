@@ -8,7 +8,7 @@ from bpy.app.translations import pgettext_iface as iface
 from ...core import contract
 from ...scene.overrides import override, restore
 from ...translations import OWN_SENSE
-from ..operator import LINKED, Obstacle, RaucaOperator, see_through_camera
+from ..operator import LEAVE_FIRST, LINKED, VIEWS, Obstacle, RaucaOperator, see_through_camera
 from ..panel import SidebarPanel, paragraph
 
 MOST_FRAMES = 3000  # each has keyframes of its own
@@ -63,8 +63,7 @@ NO_CAMERAS = Obstacle(
     "Pick two cameras of this scene, to start and to end at", lambda context: not context.scene.rauca.clip.ready
 )
 LOOKING = Obstacle(
-    "Leave the view that is looked through first",
-    lambda context: any(kept.camera for kept in (context.scene.rauca.cameras, context.scene.rauca.camouflage)),
+    LEAVE_FIRST, lambda context: any(getattr(context.scene.rauca, step).camera is not None for step in VIEWS)
 )
 
 
@@ -81,15 +80,16 @@ class RAUCA_PT_cameras_clip(SidebarPanel, bpy.types.Panel):
         column.enabled = not clip.previewed
         for name in ("start", "end", "speed", "frame_rate"):
             column.prop(clip, name)
-        if clip.ready:
+        button = RAUCA_OT_leave_clip if clip.previewed else RAUCA_OT_preview_clip
+        layout.operator(button.bl_idname, icon="X" if clip.previewed else "PLAY")
+        # Below the button, which keeps its place.
+        if reason := button.obstacle(context):
+            paragraph(context, layout, reason, icon="INFO")
+        else:
             words = iface("{count} frames in {seconds} s over {metres} m").format(
                 count=clip.frames, seconds=f"{clip.metres / clip.speed:.1f}", metres=f"{clip.metres:.1f}"
             )
             paragraph(context, layout, words, icon="TIME")
-        if clip.previewed:
-            layout.operator("rauca.leave_clip", icon="X")
-        else:
-            layout.operator("rauca.preview_clip", icon="PLAY")
 
 
 class RAUCA_OT_preview_clip(RaucaOperator, bpy.types.Operator):

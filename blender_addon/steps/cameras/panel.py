@@ -9,7 +9,7 @@ from bpy.app.translations import pgettext_tip as tip
 from ...core import contract
 from ...scene.camera import leave, look
 from ...translations import OWN_SENSE
-from ..operator import LINKED, Obstacle, RaucaOperator, see_through_camera
+from ..operator import LINKED, Obstacle, RaucaOperator, covered, see_through_camera
 from ..panel import SidebarPanel, State, StepPanel, paragraph
 from .properties import RaucaCameras, anchor
 from .timing import estimated_seconds, frame_count, pace
@@ -92,7 +92,7 @@ class RAUCA_OT_look_through(RaucaOperator, bpy.types.Operator):
     """See what this view's camera will see, jitter included; your own camera is kept"""
 
     bl_label = "Look Through"
-    obstacles = (LINKED,)
+    obstacles = (LINKED, covered("cameras"))
 
     step: bpy.props.IntProperty(
         name="Step", default=0, options={"SKIP_SAVE"}, description="Views to go on by; 0: the chosen one"
@@ -119,6 +119,7 @@ class RAUCA_OT_leave_view(RaucaOperator, bpy.types.Operator):
     bl_label = "Leave View"
     obstacles = (
         Obstacle("No view is being looked through", lambda context: context.scene.rauca.cameras.camera is None),
+        covered("cameras"),
     )
 
     def work(self, context: bpy.types.Context) -> None:

@@ -14,7 +14,7 @@ from ...scene import camera
 from ...scene.camouflages import read_paintwork
 from ...scene.coating import Coat, paint_surface, painted_objects, uncoat
 from ...scene.mesh_edits import Surface, object_mode
-from ..operator import NO_COAT, Obstacle, RaucaOperator, see_through_camera
+from ..operator import NO_COAT, Obstacle, RaucaOperator, covered, see_through_camera
 from .evaluation import EvaluatedFrame, Views, find_evaluation
 from .painted_vehicle import objects_of, place, vehicle_for
 from .shown_evaluation import load_now, nearest, paint_of, same_view, show_picture, take_pictures, vehicle_to_world
@@ -114,6 +114,7 @@ class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):
     obstacles = (
         NO_COAT,
         Obstacle("Choose the folder of an evaluation first", lambda context: not context.scene.rauca.camouflage.study),
+        covered("camouflage"),
     )
 
     def work(self, context: bpy.types.Context) -> None:
@@ -168,6 +169,7 @@ class RAUCA_OT_leave_evaluated_view(RaucaOperator, bpy.types.Operator):
     bl_label = "Leave View"
     obstacles = (
         Obstacle("No view is being looked through", lambda context: context.scene.rauca.camouflage.camera is None),
+        covered("camouflage"),
     )
 
     def work(self, context: bpy.types.Context) -> None:

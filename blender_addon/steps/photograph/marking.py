@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import bpy
 import numpy as np
@@ -13,11 +14,13 @@ from numpy.typing import NDArray
 
 from ...core import contract
 from ..camouflage.detection_overlay import frame_on_screen
-from ..operator import NO_UNDO, NOT_OBJECT_MODE, Obstacle, RaucaOperator, see_through_camera
-from .properties import NOT_STANDING, SEE_BOTH, RaucaPhotograph, standing
+from ..operator import NO_UNDO, NOT_OBJECT_MODE, Obstacle, RaucaOperator, covered, see_through_camera
+from .properties import NO_PHOTOGRAPH, NOT_STANDING, SEE_BOTH, RaucaPhotograph, standing
 
 PAST_M = 1e-4  # behind a surface that is not the vehicle's the ray goes on
 NO_WINDOW = Obstacle("Marking needs the mouse, in a 3D view", lambda context: bpy.app.background)
+NO_MARKS = Obstacle("No point is marked", lambda context: not context.scene.rauca.photograph.marks)
+MARKING = Obstacle("Points are being marked; Esc ends", lambda context: RAUCA_OT_mark_points.under_way)
 MOST_SURFACES = 64  # before the vehicle: fog, the street's trees
 
 
@@ -73,7 +76,8 @@ class RAUCA_OT_mark_points(RaucaOperator, bpy.types.Operator):
 
     bl_label = "Mark Points"
     bl_options = NO_UNDO  # every pair is a step of undo by itself
-    obstacles = (NOT_STANDING, NOT_OBJECT_MODE, NO_WINDOW)
+    under_way: ClassVar[bool] = False
+    obstacles = (NO_PHOTOGRAPH, NOT_STANDING, NOT_OBJECT_MODE, NO_WINDOW, covered("photograph"), MARKING)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         settings = context.scene.rauca.photograph
@@ -85,6 +89,7 @@ class RAUCA_OT_mark_points(RaucaOperator, bpy.types.Operator):
         except contract.RaucaError as error:
             return self.refuse(error)
         self._point: NDArray[np.float64] | None = None
+        RAUCA_OT_mark_points.under_way = True
         self._ask(context)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -132,13 +137,18 @@ class RAUCA_OT_mark_points(RaucaOperator, bpy.types.Operator):
         words = rpt("Now click on the same point of the photograph; Esc ends")
         if not wanted:
             words = rpt("Click on a point of the vehicle, number {number}; Esc ends")
-        context.workspace.status_text_set(words.format(number=len(settings.marks) + 1))
+        words = words.format(number=len(settings.marks) + 1)
+        context.workspace.status_text_set(words)
+        context.area.header_text_set(words)  # above the view, where it is read
         context.area.tag_redraw()
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender calls this too: another file is loaded, or the window closes."""
+        RAUCA_OT_mark_points.under_way = False
         if context.workspace is not None:
             context.workspace.status_text_set(None)
+        if context.area is not None:
+            context.area.header_text_set(None)
         context.scene.rauca.photograph.fade(SEE_BOTH)
 
 
@@ -146,6 +156,7 @@ class RAUCA_OT_remove_marks(RaucaOperator, bpy.types.Operator):
     """Take marked points back"""
 
     bl_label = "Remove Marks"
+    obstacles = (NO_MARKS,)
     which: bpy.props.EnumProperty(
         name="Remove",
         items=[("LAST", "Last", "Take the last marked point back"), ("ALL", "All", "Take all marked points back")],
@@ -154,8 +165,6 @@ class RAUCA_OT_remove_marks(RaucaOperator, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> None:
         marks = context.scene.rauca.photograph.marks
-        if not marks:
-            raise contract.RaucaError("No point is marked")
         for _ in range(len(marks) if self.which == "ALL" else 1):
             marks.remove(len(marks) - 1)
         context.scene.rauca.photograph.missed_px = -1.0

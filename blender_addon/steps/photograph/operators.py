@@ -25,15 +25,14 @@ from ..camouflage.painted_vehicle import objects_of
 from ..camouflage.shown_evaluation import take_pictures
 from ..job_panel import shown_job
 from ..on_disk import ask, camouflage_at, chosen_path, forget
-from ..operator import LINKED, BackgroundOperator, Obstacle, RaucaOperator, see_through_camera
-from .properties import NOT_STANDING, SEE_BOTH, standing
+from ..operator import LINKED, BackgroundOperator, Obstacle, RaucaOperator, covered, see_through_camera
+from .properties import NO_PHOTOGRAPH, NOT_STANDING, SEE_BOTH, standing
 
 JOB = "photograph"
 MARK = "photograph.json"  # in a folder that this panel writes to
 FITTED, WORN = "fitted", "worn"
 FEWEST = 6  # marks, as the command asks for
 LABEL = "shown"  # of the camouflage, in the names of the files that the command writes
-NO_PHOTOGRAPH = Obstacle("Choose a photograph first", lambda context: not context.scene.rauca.photograph.file)
 NOT_LOOKING = Obstacle("Look at the photograph first", lambda context: context.scene.rauca.photograph.camera is None)
 
 
@@ -41,7 +40,7 @@ class RAUCA_OT_look_at_photograph(RaucaOperator, bpy.types.Operator):
     """See the photograph before the vehicle, through a camera of its own; your own camera is kept"""
 
     bl_label = "Look at Photograph"
-    obstacles = (LINKED, NOT_STANDING, NO_PHOTOGRAPH)
+    obstacles = (LINKED, NO_PHOTOGRAPH, NOT_STANDING, covered("photograph"))
 
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.photograph
@@ -60,7 +59,7 @@ class RAUCA_OT_leave_photograph(RaucaOperator, bpy.types.Operator):
     """Bring back your own view, camera and picture size; the photograph and its camera go"""
 
     bl_label = "Leave View"
-    obstacles = (Obstacle("No view is being looked through", NOT_LOOKING.stands),)
+    obstacles = (Obstacle("No view is being looked through", NOT_LOOKING.stands), covered("photograph"))
 
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.photograph
@@ -75,15 +74,14 @@ class RAUCA_OT_leave_photograph(RaucaOperator, bpy.types.Operator):
 def missing(context: bpy.types.Context) -> str:
     """What to do before the photograph can be fitted; empty when all is there."""
     settings = context.scene.rauca.photograph
-    if lack := lacks_python(context):
-        return lack
     for obstacle in (NO_PHOTOGRAPH, NOT_STANDING, NOT_LOOKING):
         if obstacle.stands(context):
             return iface(obstacle.words)
     if 0 < len(settings.marks) < FEWEST:
         words = iface("{count} of at least {fewest} points are marked; or remove them, and pull the view into place")
         return words.format(count=len(settings.marks), fewest=FEWEST)
-    return "" if settings.folder else iface("Choose a folder for the photograph")
+    # Last: looking and marking need no Python.
+    return lacks_python(context) if settings.folder else iface("Choose a folder for the photograph")
 
 
 class RAUCA_OT_fit_photograph(BackgroundOperator, bpy.types.Operator):

@@ -46,7 +46,9 @@ class RAUCA_PT_photograph(SidebarPanel, bpy.types.Panel):
         row.operator("rauca.look_at_photograph", icon="IMAGE_BACKGROUND")
         row.operator("rauca.leave_photograph", text="", icon="X")
         if getattr(space, "type", "") == "VIEW_3D":  # Blender's own: the view's movements move the camera
-            every.prop(space, "lock_camera", text=iface("Pull the View"))
+            pulled = every.column()
+            pulled.enabled = settings.camera is not None  # it would move the artist's own camera
+            pulled.prop(space, "lock_camera", text=iface("Pull the View"))
         row = every.row(align=True)
         row.operator("rauca.mark_points", icon="EYEDROPPER")
         row.operator("rauca.remove_marks", text="", icon="LOOP_BACK").which = "LAST"

@@ -55,6 +55,8 @@ NOT_STANDING = Obstacle(
     lambda context: standing(context) is None,
 )
 
+NO_PHOTOGRAPH = Obstacle("Choose a photograph first", lambda context: not context.scene.rauca.photograph.file)
+
 
 def vehicle_to_world(context: bpy.types.Context) -> NDArray[np.float64]:
     """(4, 4); raises :class:`RaucaError` where the vehicle is not in this scene."""

@@ -17,8 +17,8 @@ class RAUCA_MT_vehicles(bpy.types.Menu):
     bl_label = "Add Vehicle"
 
     def draw(self, context: bpy.types.Context) -> None:
-        # A menu of the operator's choices would show the pictures as small as icons. Blender places what is in a menu by
-        # columns, each filled from its top: what was laid out in rows would be set one beside the other.
+        # A menu of the operator's choices would show the pictures as small as icons. Blender places what is in a menu
+        # by columns, each filled from its top: a second row would be set to the right of the first.
         row, items = self.layout.row(), vehicle_items()
         for first in range(COLUMNS):
             column = row.column()
