@@ -188,11 +188,9 @@ def _name(entry: Row) -> str:
 
 
 def save_pareto(results: Results, path: Path) -> None:
-    curves = (
-        ("one render a color, denoised, by samples", SINGLE, "samples", {"color": "C0"}, 1),
-        (f"light maps, {COLORS} colors, denoised, by samples", MAPS, "samples", {"color": "C1"}, COLORS),
-    )
-    points = (
+    series = (
+        ("one render a color, denoised", SINGLE, "samples", {"color": "C0"}, 1),
+        (f"light maps, {COLORS} colors, denoised", MAPS, "samples", {"color": "C1"}, COLORS),
         ("one render a color, raw", SINGLE, "raw", {"color": "C7", "marker": "s"}, 1),
         ("light maps, raw", MAPS, "raw", {"color": "C5", "marker": "s"}, COLORS),
         ("light maps, adaptive", MAPS, "adaptive", {"color": "C2", "marker": "^"}, COLORS),
@@ -202,15 +200,13 @@ def save_pareto(results: Results, path: Path) -> None:
     panels = []
     for kind in KINDS:
         lines = []
-        for label, what, axis, style, shared_by in curves:
+        for label, what, axis, style, shared_by in series:
             chosen = results.where("entries", kind=kind, what=what, axis=axis)
-            samples = sorted((e["cpu_seconds"] / shared_by, e["psnr_db"], _note(e)) for e in chosen)
-            lines.append(Line(label, samples, style))
-        for label, what, axis, style, shared_by in points:  # these lie close together: the legend names them
-            chosen = results.where("entries", kind=kind, what=what, axis=axis)
-            named = ", ".join(dict.fromkeys(map(_note, chosen)))
-            marks = sorted((e["cpu_seconds"] / shared_by, e["psnr_db"], "") for e in chosen)
-            lines += [Line(f"{label}, {named}", marks, {**style, "linestyle": ""})] if marks else []
+            curve = axis == "samples"  # with a note at each point; the others lie close together: the legend has theirs
+            noted = "by samples" if curve else ", ".join(dict.fromkeys(map(_note, chosen)))
+            drawn = style if curve else {**style, "linestyle": ""}
+            points = [(e["cpu_seconds"] / shared_by, e["psnr_db"], _note(e) if curve else "") for e in chosen]
+            lines += [Line(f"{label}, {noted}", sorted(points), drawn)] if points else []
         default = results.one("entries", kind=kind, what=MAPS)
         star = {"marker": "*", "color": "C3", "markersize": 13, "linestyle": ""}
         lines.append(Line("default", [(default["cpu_seconds"] / COLORS, default["psnr_db"], "")], star))

@@ -54,8 +54,8 @@ from rauca_core.study.makers import CAMOUFLAGE
 from rauca_core.study.store import Store
 from rauca_core.study.views import HeldOut
 
+from .agreement import SOLID
 from .harness import Results, Settings
-from .renderer_agreement import SOLID
 
 FULL = Settings(
     manoeuvres=MANOEUVRES, frames=20, size=320, samples=4, speed_m_s=10.0, frame_rate=10.0, shutter_s=1 / 120,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.renderer_agreement import measure_agreement
+from benchmarks.agreement import measure_agreement
 from blender_addon.core import files
 from blender_addon.scene.camouflages import MARGIN, read_paintwork, render_camouflages
 from blender_addon.scene.frame import render_chunk

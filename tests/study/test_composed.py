@@ -14,8 +14,8 @@ import torch
 
 import benchmarks.agreement
 import benchmarks.views_agreement
+from benchmarks.agreement import measure_agreement
 from benchmarks.defences import read_views
-from benchmarks.renderer_agreement import measure_agreement
 from benchmarks.stability.drawn import painted_box
 from benchmarks.views import _measure
 from rauca_core.attack import random_camouflage
@@ -72,7 +72,6 @@ OPENS = {
     "rauca_core/environment/views/densify.py": MAKES,
     "rauca_core/environment/views/drawn.py": JUDGES,  # nothing is composed from composed frames
     "rauca_core/report/pictures.py": MAKES,
-    "benchmarks/renderer_agreement.py": JUDGES,
     "rauca_core/study/camouflaged.py": READS,
     "rauca_core/study/datasets.py": MAKES,
     "rauca_core/study/demo.py": MAKES,
