@@ -39,7 +39,7 @@ HELD_OUT = Ring((20.0, 110.0, 200.0, 290.0), (6.0, 20.0), (6.0, 8.0), 10.0, 5.0,
 
 @dataclass(frozen=True)
 class DemoScale:
-    """How much the demo renders and optimizes; the default fits two cores and twelve minutes, with the installation.
+    """How much the demo renders and optimizes; the default fits two cores and ten minutes, with the installation.
 
     Attributes:
         size, samples: frames are square, pixels; Cycles samples per pixel.

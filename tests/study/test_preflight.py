@@ -28,6 +28,12 @@ from tests.published import published_weights
 torch.set_num_threads(1)
 
 
+@pytest.fixture(autouse=True)
+def all_pictures_are_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However slow the machine is that the tests run on."""
+    monkeypatch.setattr("rauca_core.study.preflight.LOOK_S", 1e6)
+
+
 @pytest.fixture(scope="module")
 def yolo() -> Detector:
     published_weights("yolov4-tiny")
