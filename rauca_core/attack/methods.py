@@ -202,15 +202,3 @@ def differences(name: str) -> dict[str, tuple[Any, Any]]:
     fields = [field for field in type(published).model_fields if field not in NOT_COMPARED]
     both = {field: (getattr(published, field), getattr(adapted, field)) for field in fields}
     return {field: (one, other) for field, (one, other) in both.items() if one != other}
-
-
-def difference_table() -> str:
-    """Published against adapted, every rival, as a table in Markdown made from the settings."""
-    lines = ["| method | published row is | setting | published | adapted |", "|---|---|---|---|---|"]
-    for name, method in METHODS.items():
-        if not method.known:
-            continue
-        start = f"| {name} | as its {method.known} says |"
-        rows = [f" {field} | {one} | {other} |" for field, (one, other) in differences(name).items()]
-        lines += [start + row for row in rows or [" none | – | – |"]]
-    return "\n".join(lines)

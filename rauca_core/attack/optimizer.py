@@ -92,10 +92,10 @@ def optimize(
 
 def _load(name: str, size: int | None, device: torch.device) -> Detector:
     """A detector at the size asked for; one whose size is its own enlarges the pictures of that size to it."""
-    try:
-        return load_detector(name, size, device)
-    except RaucaError:  # any other mistake is met again
-        return load_detector(name, device=device)
+    if size is not None:
+        with contextlib.suppress(RaucaError):  # its size is its own; any other mistake is met again
+            return load_detector(name, size, device)
+    return load_detector(name, device=device)
 
 
 def run_optimization(
