@@ -28,7 +28,7 @@ def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, box_vehicle: Vehicle
             seen.append(settings)
             raise RaucaError("seen")
 
-        monkeypatch.setattr(optimizer, "load_detector", lambda *_: None)
+        monkeypatch.setattr(optimizer, "load_detector", lambda *_, **__: None)
         monkeypatch.setattr(optimizer, "run_optimization", run)
         with pytest.raises(RaucaError, match="seen"):
             CliRunner().invoke(app, ["optimize", str(data.folder), "--out", "x", *options], catch_exceptions=False)
