@@ -49,7 +49,7 @@ class Effort:
 
 
 EFFORTS = {
-    "QUICK": Effort("quick", "quick", 64, 14, 10, 100),
+    "QUICK": Effort("quick", "quick", 64, 14, 12, 120),
     "STANDARD": Effort("standard", "standard", 256, 128, 192, 1000),
     "THOROUGH": Effort("full", "overnight", 2048, 512, 384, 6000),
 }

@@ -84,7 +84,8 @@ def sentences(found: Hardened) -> list[str]:
         both = figures.vacant + figures.others
         told.append(
             f"Of {both.objects} objects beside the vehicle, and in pictures without it, that one of the two detectors "
-            f"was sure of, the other says the same of {figures.agreement:.1%}."
+            f"was sure of, the other says the same of {figures.agreement:.1%}. Of the {both.known} that "
+            f"{figures.before} was sure of, {figures.after} still finds {both.kept}."
         )
     told.append(f"The hardening took {figures.cost.cpu_minutes:.1f} CPU minutes, attacks and tests included.")
     if figures.failed:

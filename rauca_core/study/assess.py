@@ -80,7 +80,7 @@ class Driving:
         weather_sets(self.weathers)
 
 
-EFFORTS = {"quick": Effort(10, 100), "standard": Effort(192, 1000), "overnight": Effort(384, 2000, runs=3)}
+EFFORTS = {"quick": Effort(12, 120), "standard": Effort(192, 1000), "overnight": Effort(384, 2000, runs=3)}
 
 
 def assess(

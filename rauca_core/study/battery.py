@@ -29,9 +29,6 @@ from .evaluate import RandomPaint
 
 LATEST = "assess-1"
 BUDGETS = ("quick", "standard", "overnight")
-# Of a pixel in views to optimize on, whatever the file says: nobody is judged on them, and noise that differs from view
-# to view teaches an attack nothing.
-ATTACK_SAMPLES = 4
 
 
 @dataclass(frozen=True)
@@ -115,8 +112,7 @@ class Battery(Record):
 
     def attack_views(self, choice: VehicleChoice, frames: int) -> Artifact:
         """Views of a vehicle to optimize on; as many as are asked for, and no others."""
-        quality = replace(self.attack.quality, samples=ATTACK_SAMPLES)
-        return self._views(choice, "attack", replace(self.attack, quality=quality), frames, exact=True)
+        return self._views(choice, "attack", self.attack, frames, exact=True)
 
     def _views(self, choice: VehicleChoice, name: str, plan: Plan, frames: int, exact: bool = False) -> Artifact:
         worn = replace(plan, vehicle_name=choice.name, atlas_id=choice.atlas_id)

@@ -4,7 +4,8 @@
      "clean": {"before": .998, "after": .999, "low": .99, "high": 1.0, "recovered": null}, "held_out": {...},
      "held_out_methods": {...}, "held_out_vehicle": {...}, "held_out_weathers": {...},
      "adaptive_1x": {...}, "adaptive_3x": {...}, "adaptive_10x": {...}, "failed_attacks": [],
-     "other_classes_agreement": .99, "pictures_without_vehicle": {"agreed": 90, "objects": 91}, "other_objects": {...},
+     "other_classes_agreement": .99, "other_classes_kept": .99, "other_objects": {...},
+     "pictures_without_vehicle": {"agreed": 90, "objects": 91, "kept": 45, "known": 45},
      "cpu_minutes": 13.1, "rounds": [{"round": 1, "plain": .99, "camouflaged": .9, "cpu_minutes": 4.2}, ...],
      "entries": [{"vehicle": "sedan", "weathers": "seen", "clean": {...}, ...}]}
 
@@ -110,6 +111,7 @@ class Figures:
             **{key: told(gain) for key, gain in self.worst().items()},
             "failed_attacks": self.failed,
             "other_classes_agreement": self.agreement,
+            "other_classes_kept": (self.vacant + self.others).kept_share,
             "pictures_without_vehicle": asdict(self.vacant), "other_objects": asdict(self.others),
             "cpu_minutes": self.cost.cpu_minutes, "rounds": [asdict(one) for one in self.cost.rounds],
             "entries": [_entry(one) for one in self.gains],

@@ -2,7 +2,8 @@
 the other objects in pictures with one.
 
 An object that either detector is sure of (score of at least .5) counts as agreed if the other one finds it, of the same
-class, by an overlap of at least .5 and with half that score: what stands at the threshold is no disagreement.
+class, by an overlap of at least .5 and with half that score: what stands at the threshold is no disagreement. Objects
+that only the hardened detector finds count against it so; what it forgot is told apart.
 """
 
 from __future__ import annotations
@@ -26,25 +27,39 @@ MARGIN = 0.15  # of the vehicle's width to either side, for its shadow
 
 @dataclass(frozen=True)
 class Agreement:
-    """How many objects that either detector is sure of, and of how many of them the other one says the same."""
+    """Of how many objects that either detector is sure of the other one says the same.
+
+    Attributes:
+        agreed, objects: of so many, in both directions.
+        kept, known: the same of what the first detector is sure of, alone.
+    """
 
     agreed: int = 0
     objects: int = 0
+    kept: int = 0
+    known: int = 0
 
     @property
     def share(self) -> float | None:
         """None where nobody was sure of anything."""
         return self.agreed / self.objects if self.objects else None
 
+    @property
+    def kept_share(self) -> float | None:
+        """Of what the first detector was sure of; None where it was of nothing."""
+        return self.kept / self.known if self.known else None
+
     def __add__(self, other: Agreement) -> Agreement:
-        return Agreement(self.agreed + other.agreed, self.objects + other.objects)
+        agreed, objects = self.agreed + other.agreed, self.objects + other.objects
+        return Agreement(agreed, objects, self.kept + other.kept, self.known + other.known)
 
 
 def agreement_of(pairs: Iterable[tuple[Found, Found, NDArray[np.float64] | None]]) -> Agreement:
     """Over pictures: what both detectors found, and the vehicle's box (4,) xyxy, pixels, if it is there."""
     total = Agreement()
     for one, other, vehicle in pairs:
-        total = total + _of_picture(one, other, vehicle) + _of_picture(other, one, vehicle)
+        (kept, known), (found_before, found) = _seen_by(one, other, vehicle), _seen_by(other, one, vehicle)
+        total = total + Agreement(kept + found_before, known + found, kept, known)
     return total
 
 
@@ -58,15 +73,15 @@ def without_vehicle(pixels: NDArray[np.uint8], frame: Frame) -> NDArray[np.uint8
     return vacant
 
 
-def _of_picture(one: Found, other: Found, vehicle: NDArray[np.float64] | None) -> Agreement:
-    """How many of one detector's sure objects the other one finds."""
+def _seen_by(one: Found, other: Found, vehicle: NDArray[np.float64] | None) -> tuple[int, int]:
+    """How many of one detector's sure objects in a picture the other one finds, and how many these objects are."""
     sure = [i for i in np.flatnonzero(one.scores >= SURE) if vehicle is None or _inside(one.boxes[i], vehicle) < INSIDE]
     if not sure:
-        return Agreement()
+        return 0, 0
     seen = np.flatnonzero(other.scores >= SEEN)
     overlaps = box_iou(torch.from_numpy(one.boxes[sure]), torch.from_numpy(other.boxes[seen])).numpy()
     same = np.array([[one.names[i] == other.names[k] for k in seen] for i in sure], bool).reshape(overlaps.shape)
-    return Agreement(int(((overlaps >= OVERLAP) & same).any(1).sum()), len(sure))
+    return int(((overlaps >= OVERLAP) & same).any(1).sum()), len(sure)
 
 
 def _inside(box: NDArray[np.float64], vehicle: NDArray[np.float64]) -> float:

@@ -64,7 +64,7 @@ def test_a_detector_that_did_not_change_recovers_nothing(entry: Entry) -> None:
 def test_the_page_and_its_files_hold_the_same_numbers(entry: Entry, tmp_path: Path) -> None:
     gains, study = gains_of(entry, "before", "after", ["noise"]), Study("rauca harden <x>", (entry,))
     cost = Cost(7.25, (Round(1, 0.9, 0.4, 3.0), Round(2, 0.9, None, 4.25)))
-    figures = Figures("before", "after", [gains], Agreement(8, 9), Agreement(1, 1), cost)
+    figures = Figures("before", "after", [gains], Agreement(8, 9, 4, 4), Agreement(1, 1, 1, 1), cost)
     found = Hardened(tmp_path / "x", study, figures, {"noise": "<b>drawn</b>"}, {"rounds": 2})
     page, table, numbers, _ = write_hardening(found, tmp_path / "report.html")
     read = whole_page(page)
@@ -73,6 +73,7 @@ def test_the_page_and_its_files_hold_the_same_numbers(entry: Entry, tmp_path: Pa
     assert f"{gains.rows[0].after.ap:.3f}" in read.text
     assert "Of 10 objects beside the vehicle" in read.text
     assert "the other says the same of 90.0%" in read.text
+    assert "Of the 5 that before was sure of, after still finds 5." in read.text
     assert "7.2 CPU minutes" in read.text
     every = list(csv.DictReader(table.open()))
     assert {row["row"] for row in every} == {
@@ -107,11 +108,12 @@ def test_the_record_holds_the_entry_that_ends_lowest_and_names_failed_attacks(at
     assert gains.failed == ("adaptive-1x",)  # 9 of 12 found, of the held-out one 6
     assert set(gains.adaptive) == {1, 3}
     figures = Figures(
-        "before", "after", [gains], Agreement(3, 4), Agreement(5, 6), Cost(1.5, ()), frozenset({"seen"})
+        "before", "after", [gains], Agreement(3, 4, 1, 2), Agreement(5, 6, 3, 3), Cost(1.5, ()), frozenset({"seen"})
     )  # fmt: skip
     record = json.loads(figures.save(tmp_path).read_text())
     assert record["failed_attacks"] == ["adaptive-1x, box, seen"]
     assert record["other_classes_agreement"] == 0.8
+    assert record["other_classes_kept"] == 0.8
     assert record["adaptive_3x"] == {
         "before": 0, "after": pytest.approx(0.25, abs=0.01), "low": gains.adaptive[3].after.low,
         "high": gains.adaptive[3].after.high, "recovered": pytest.approx(0.25, abs=0.01),

@@ -21,24 +21,26 @@ def found(*objects: tuple[tuple[float, ...], float, str]) -> Found:
 
 def test_an_object_agrees_by_class_place_and_half_the_score() -> None:
     one = found((HERE, 0.9, "dog"))
-    for other, agreed, objects in (
-        (found((ALMOST_HERE, 0.3, "dog")), 1, 1),  # the other one is not sure of it, but finds it
-        (found((ALMOST_HERE, 0.6, "dog")), 2, 2),
-        (found((HERE, 0.6, "cat")), 0, 2),
-        (found((THERE, 0.6, "dog")), 0, 2),
-        (found((HERE, 0.2, "dog")), 0, 1),
-        (found(), 0, 1),
+    for other, agreed, objects, kept in (
+        (found((ALMOST_HERE, 0.3, "dog")), 1, 1, 1),  # the other one is not sure of it, but finds it
+        (found((ALMOST_HERE, 0.6, "dog")), 2, 2, 1),
+        (found((HERE, 0.6, "cat")), 0, 2, 0),
+        (found((THERE, 0.6, "dog")), 0, 2, 0),
+        (found((HERE, 0.2, "dog")), 0, 1, 0),
+        (found(), 0, 1, 0),
     ):
-        assert agreement_of([(one, other, None)]) == Agreement(agreed, objects)
-        assert agreement_of([(other, one, None)]) == Agreement(agreed, objects)
-    assert agreement_of([(found(), found((HERE, 0.4, "dog")), None)]).share is None
+        assert agreement_of([(one, other, None)]) == Agreement(agreed, objects, kept, 1)
+        assert agreement_of([(other, one, None)]) == Agreement(agreed, objects, agreed - kept, objects - 1)
+    nothing = agreement_of([(found(), found((HERE, 0.4, "dog")), None)])
+    assert nothing.share is None
+    assert nothing.kept_share is None
 
 
 def test_the_vehicle_and_its_parts_are_left_out_and_what_stands_behind_it_counts() -> None:
     vehicle = np.array([45.0, 45.0, 85.0, 85.0])
     one, other = found((THERE, 0.9, "car"), ((0.0, 40.0, 90.0, 90.0), 0.9, "boat")), found()
-    assert agreement_of([(one, other, vehicle)]) == Agreement(0, 1)
-    assert agreement_of([(one, other, vehicle), (one, one, vehicle)]) == Agreement(2, 3)
+    assert agreement_of([(one, other, vehicle)]) == Agreement(0, 1, 0, 1)
+    assert agreement_of([(one, other, vehicle), (one, one, vehicle)]) == Agreement(2, 3, 1, 2)
 
 
 def test_a_picture_without_its_vehicle_keeps_what_stands_beside_it(tmp_path, box_vehicle: Vehicle) -> None:
