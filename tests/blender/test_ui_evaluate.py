@@ -79,6 +79,8 @@ def test_the_estimate_is_near_the_commands_own(addon, settled, monkeypatch):
     assert theirs.seconds / 2 < ours.seconds < 2 * theirs.seconds
     assert ours.size_bytes == pytest.approx(theirs.disk_bytes, rel=0.1)
     step.white_box = False
+    views = len(evaluate.BATTERY_VEHICLES) * evaluate.EFFORTS["QUICK"].views
+    assert evaluate.estimate(addon.context) == cost.of_evaluation(views, evaluate.BATTERY_PAINTS, ["yolov4-tiny"], 320)
     assert evaluate.estimate(addon.context).seconds < 0.7 * ours.seconds
     assert state(addon.context).kind == "missing"
     step.folder = "/tmp/nowhere"
