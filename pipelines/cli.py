@@ -23,6 +23,7 @@ from .ablate import ablate
 from .assess import assess
 from .bench_commands import bench_app
 from .cache import cache_app
+from .compare import compare
 from .console import console, output, progress_bar
 from .dataset_commands import dataset_app
 from .demo import demo
@@ -64,7 +65,7 @@ GROUPS: Mapping[str, tuple[typer.Typer, str]] = {
 COMMANDS: Mapping[str, tuple[Callable[..., None], ...]] = {
     START: (demo,),
     ATTACK: (optimize, methods, tradeoff, ablate),
-    EVALUATE: (assess, evaluate, report),
+    EVALUATE: (assess, evaluate, compare, report),
     HARDEN: (harden,),
 }
 """Every command, under the heading that `rauca --help` shows it below."""

@@ -3,6 +3,7 @@
 from .ablation_page import write_ablation
 from .assessment_page import write_assessment
 from .clips_page import write_clips
+from .compared_page import write_compared
 from .comparison_page import write_comparison
 from .hardening_page import write_hardening
 from .robustness import Robustness, assess
@@ -19,6 +20,7 @@ __all__ = [
     "write_ablation",
     "write_assessment",
     "write_clips",
+    "write_compared",
     "write_comparison",
     "write_curve",
     "write_hardening",

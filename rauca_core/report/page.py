@@ -15,10 +15,10 @@ from markupsafe import Markup
 
 from ..contract.files import file_digest, write_bytes
 from ..study.detectors import family_of, in_table_order, is_own
-from ..study.study import Study
+from ..study.study import Study, white_box_of
 from ..version import __version__
 from .figures import Style, color_rules, curve_svg, is_ring, themed, themed_color
-from .study_tables import defence_title, unique, vehicles_of, weathers_title, white_box_of
+from .study_tables import defence_title, unique, vehicles_of, weathers_title
 from .table import Cell, Column, Place, Row, Source, Table, laid_out, listing
 from .writers import TEMPLATES, tables_csv, tables_json, tables_latex
 

@@ -1,4 +1,4 @@
-"""The paper's own tables, as printed, from ``assets/paper/tables.json``."""
+"""Tables that others printed, from ``assets/paper``: the paper's own, and another laboratory's of the same methods."""
 
 from __future__ import annotations
 
@@ -37,9 +37,30 @@ class PaperTable:
         return odd
 
 
-def paper_tables() -> list[PaperTable]:
-    """In the paper's order; raises :class:`RaucaError` when the file is missing or damaged."""
-    path = assets_folder() / "paper" / "tables.json"
+def published_means() -> dict[str, dict[str, float]]:
+    """Who printed it -> method, as `rauca methods` spells it -> AP@0.5, mean over detectors and weathers.
+
+    The means are computed from the printed values of the detectors: some printed averages are not theirs.
+    """
+    return {
+        "the paper, Table 3": _means(next(one for one in paper_tables() if one.beside == "detectors")),
+        "R-PGA, arXiv 2603.26067": _means(paper_tables("r-pga.json")[0]),
+    }
+
+
+def _means(paper: PaperTable) -> dict[str, float]:
+    printed_of = [i for i, column in enumerate(paper.table.columns) if column.name != AVERAGE]
+    values: dict[str, list[float]] = {}
+    for block in paper.table.blocks:
+        for row in block.rows:
+            cells = (row.cells[i] for i in printed_of)
+            values.setdefault(row.name.lower(), []).extend(float(cell.value) for cell in cells if cell is not None)
+    return {method: mean(some) for method, some in values.items()}
+
+
+def paper_tables(file: str = "tables.json") -> list[PaperTable]:
+    """In the order of a file of ``assets/paper``; raises :class:`RaucaError` when it is missing or damaged."""
+    path = assets_folder() / "paper" / file
     fields = read_json(path)
     fields.format(*FORMAT)
     paper, rows = fields.text("paper"), fields.items("tables")

@@ -15,14 +15,14 @@ from ..study import study as measured
 from ..study.defences import NO_DEFENCE
 from ..study.detectors import family_of, in_table_order
 from ..study.results import MEAN, Results
-from ..study.study import Entry
+from ..study.study import Entry, white_box_of
 from .before_after import before_after
 from .figures import curve_svg, history_svg, paint_styles
 from .frames import FramePicker, strongest_paint
 from .page import write_study_page
 from .pictures import maps_of, sheet_of
 from .published import paper_tables
-from .study_tables import curves_of, defence_title, tables_of, unique, vehicles_of, weathers_title, white_box_of
+from .study_tables import curves_of, defence_title, tables_of, unique, vehicles_of, weathers_title
 from .table import is_normal, is_random, printed
 
 P = ParamSpec("P")

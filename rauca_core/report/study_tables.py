@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from ..contract import load_camouflage
 from ..study.defences import NO_DEFENCE
 from ..study.detectors import family_of, in_table_order, is_own
 from ..study.results import AXES, MEAN, Estimate
 from ..study.scores import Recorded
-from ..study.study import Entry, Study
+from ..study.study import Entry, Study, white_box_of
 from .table import AVERAGE, Block, Cell, Column, Row, Source, Table
 
 PUBLISHED = "pre-trained"  # the average without the detectors of this project, which have seen its images
@@ -40,16 +39,6 @@ def unique(values: Iterable[str]) -> list[str]:
 
 def vehicles_of(study: Study) -> list[str]:
     return unique(entry.vehicle for entry in study.entries)
-
-
-def white_box_of(entry: Entry) -> dict[str, tuple[str, ...]]:
-    """Paint -> the detectors it was optimized against, for paints that were.
-
-    Raises:
-        RaucaError: a camouflage that the study names is missing or damaged.
-    """
-    made = {paint: load_camouflage(path)[0].made.get("detector") for paint, path in entry.camouflages.items()}
-    return {paint: tuple(names.split("+")) for paint, names in made.items() if isinstance(names, str)}
 
 
 def sourced(estimate: Estimate, entry: Entry, *keys: str, white_box: bool = False) -> Cell:

@@ -85,6 +85,25 @@ def family_of(detector: str) -> str:
     return next((family for family, pattern in _RULES if re.search(pattern, name)), OTHER)
 
 
+# Detectors whose networks and weights have a common ancestor: paint made against one reaches the others more easily.
+_LINEAGES = (
+    ("darknet", r"^yolov[234](?!\d)"),
+    ("ultralytics", r"^yolov?(5|8|9|1[0-2]|26)[nsmlx]?u?(?![a-z\d])"),
+    ("yolox", r"^yolox"),
+    ("ssd", r"ssd"),
+)
+
+
+def lineage_of(detector: str) -> str:
+    """Whose relative a detector is: darknet's YOLOs, Ultralytics', YOLOX, SSDs; its own name where none is known.
+
+    >>> [lineage_of(name) for name in ("yolov3-tiny", "yolov8n", "yolo11s", "yolox-nano", "mobilenet-ssd", "mine")]
+    ['darknet', 'ultralytics', 'ultralytics', 'yolox', 'ssd', 'mine']
+    """
+    name = detector.lower().removeprefix("hardened-")
+    return next((lineage for lineage, pattern in _LINEAGES if re.search(pattern, name)), name)
+
+
 def is_own(detector: str) -> bool:
     """Whether it is one of this project's detectors, trained on synthetic images; they are named so."""
     return detector.endswith("-synth")

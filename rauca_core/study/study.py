@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..contract import RaucaError
+from ..contract import RaucaError, load_camouflage
 from ..contract.files import write_json
 from ..contract.schema import Record, read_json
 from .results import Results, load_results
@@ -86,6 +86,16 @@ class Study:
     def of(self, **wanted: str) -> tuple[Entry, ...]:
         """Entries whose fields have the wanted values: ``study.of(defence="none", vehicle="sedan")``."""
         return tuple(e for e in self.entries if all(getattr(e, name) == value for name, value in wanted.items()))
+
+
+def white_box_of(entry: Entry) -> dict[str, tuple[str, ...]]:
+    """Paint -> the detectors it was optimized against, for paints that were.
+
+    Raises:
+        RaucaError: a camouflage that the study names is missing or damaged.
+    """
+    made = {paint: load_camouflage(path)[0].made.get("detector") for paint, path in entry.camouflages.items()}
+    return {paint: tuple(names.split("+")) for paint, names in made.items() if isinstance(names, str)}
 
 
 def data_frame(rows: list[dict[str, Any]]) -> Any:
