@@ -35,12 +35,6 @@ def image_seconds(detectors: Sequence[str]) -> float:
     return _kept.get(_key(detectors), IMAGE_S * max(len(detectors), 1))
 
 
-def is_measured(detectors: Sequence[str]) -> bool:
-    """Whether an optimization against these detectors was timed here."""
-    image_seconds(detectors)
-    return _key(detectors) in _kept
-
-
 def recall(folder: Path) -> dict[str, float]:
     """What was measured before; nothing if that cannot be read."""
     try:
