@@ -64,6 +64,9 @@ def evaluate(
         str | None,
         typer.Option(help="of the cameras, metres; the ring's by default, farther for large vehicles"),
     ] = None,
+    fov: Annotated[
+        float, typer.Option(min=1, max=170, help="horizontal field of view, degrees; the paper's is 90")
+    ] = 60.0,
     locations: Annotated[int, typer.Option(min=1, help="places in the held-out town")] = 8,
     size: Annotated[int, typer.Option(min=16, help="frames are square, pixels")] = 320,
     samples: Annotated[int, typer.Option(min=1, help="Cycles samples per pixel before denoising")] = 8,
@@ -103,6 +106,7 @@ def evaluate(
         RINGS[ring],
         elevations_deg=numbers("--elevations", elevations or "") or RINGS[ring].elevations_deg,
         distances_m=numbers("--distances", distances or "") or RINGS[ring].distances_m,
+        fov_deg=fov,
     )
     town = TEST["held-out views"] if views_seed is None else views_seed
     views = HeldOut(frames or SCALES[scale], chosen, locations, size, samples, town, fit=distances is None)

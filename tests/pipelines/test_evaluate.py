@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pipelines.cli import app
-from rauca_core.contract import Camouflage, RaucaError, load_vehicle, save_camouflage
+from rauca_core.contract import Camouflage, Dataset, RaucaError, load_vehicle, save_camouflage
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import png_bytes
 from rauca_core.runtime.images import read_image
@@ -35,7 +35,7 @@ def test_a_study_from_views_to_numbers(tmp_path: Path) -> None:
     pytest.importorskip("bpy", reason="the bpy wheel is not installed")
     out, plain = tmp_path / "study", paint(tmp_path / "plain.json", (255, 0, 0))
     asked = ["--camouflage", plain, "--detectors", "yolov4-tiny", "--weathers", "single", "--defences", "none,bits"]
-    asked += ["--frames", 2, "--size", 64, "--samples", 1, "--elevations", 20, "--distances", 5, "--out", out]
+    asked += ["--frames", 2, "--size", 64, "--samples", 1, "--elevations", 20, "--distances", 5, "--fov", 90, "--out", out]
     assert "AP@0.5 of class car" in evaluate(*asked)
     study = load_study(out)
     assert [(e.vehicle, e.weathers, e.defence) for e in study.entries] == [
@@ -47,6 +47,7 @@ def test_a_study_from_views_to_numbers(tmp_path: Path) -> None:
         assert len(entry.results.frames) + len(entry.results.dropped) <= 2
         assert entry.camouflages["plain"].is_file()
         assert entry.views is not None
+        assert Dataset(entry.views).plan.ring.fov_deg == 90
     (row, *_), shown = study.entries[0].results.frames, study.entries[0].results.images
     normal, red = (read_image(study.entries[0].folder / shown[p][0].path).astype(int) for p in ("normal", "plain"))
     covered = read_image(out / "sedan" / "single" / "views" / "frames" / row.id / "paint.png") == 255
