@@ -9,22 +9,24 @@ import typer
 from rich.table import Table
 
 from .console import command_line, console, output
+from .options import split_names
 
 Studies = Annotated[
     list[Path], typer.Argument(metavar="STUDY...", help="folders of `rauca evaluate`, same camouflages")
 ]
 Out = Annotated[Path, typer.Option(help="page; its numbers are written beside it")]
+Rows = Annotated[str, typer.Option(help="rows that take part, comma separated; all if left out")]
 Lowest = Annotated[str, typer.Option(help="row that is claimed to be below all others; decided with 5 seeds and more")]
 
 
-def compare(studies: Studies, out: Out = Path("compared.html"), lowest: Lowest = "") -> None:
+def compare(studies: Studies, out: Out = Path("compared.html"), rows: Rows = "", lowest: Lowest = "") -> None:
     """Hold camouflages of finished studies against each other; `NAME s0`, `NAME s1` ... are seeds of one row."""
     from rauca_core.report import Study, write_compared
     from rauca_core.study.compare import compare as run
 
     names = [folder.name for folder in studies]
     alike = len(set(names)) < len(names)
-    found = run({str(folder) if alike else folder.name: Study.load(folder) for folder in studies})
+    found = run({str(folder) if alike else folder.name: Study.load(folder) for folder in studies}, split_names([rows]))
     pages = write_compared(found, out, command_line(), lowest)
     shown = Table("row", "took no part", "family of an attacked one", "attacked", title="AP@0.5, all views and seeds")
     for row in found.rows:

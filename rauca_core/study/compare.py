@@ -121,15 +121,16 @@ class Compared:
         return float(found), len(common)
 
 
-def compare(studies: Mapping[str, Study]) -> Compared:
+def compare(studies: Mapping[str, Study], only: Sequence[str] = ()) -> Compared:
     """Hold the undefended entries of finished studies against each other.
 
     Args:
         studies: by name, at least one, such as one per ring of cameras.
+        only: rows that take part; all if none is named. What others attacked then says nothing of a judge.
 
     Raises:
         RaucaError: several vehicles, towns, or sets of detectors; different camouflages under one name; rows of
-            different numbers of seeds; results that do not say where they stand.
+            different numbers of seeds; results that do not say where they stand; no such row.
     """
     entries = [
         replace(entry, weathers=entry.weathers if len(studies) == 1 else f"{name}, {entry.weathers}")
@@ -159,6 +160,9 @@ def compare(studies: Mapping[str, Study]) -> Compared:
             f"compare: studies in different towns ({', '.join(map(str, sorted(towns)))}); compare each apart"
         )
     rows = rows_of(list(first.results.paints))
+    if strange := [name for name in only if name not in rows]:
+        raise RaucaError(f"--rows {strange[0]}: no such row; choose of {', '.join(rows)}")
+    rows = {row: paints for row, paints in rows.items() if row in (only or rows)}
     counts = {len(paints) for row, paints in rows.items() if row not in (NORMAL, RANDOM)} - {1}
     if len(counts) > 1:
         told = ", ".join(f"{row} {len(paints)}" for row, paints in rows.items())

@@ -35,7 +35,22 @@ def test_a_study_from_views_to_numbers(tmp_path: Path) -> None:
     pytest.importorskip("bpy", reason="the bpy wheel is not installed")
     out, plain = tmp_path / "study", paint(tmp_path / "plain.json", (255, 0, 0))
     asked = ["--camouflage", plain, "--detectors", "yolov4-tiny", "--weathers", "single", "--defences", "none,bits"]
-    asked += ["--frames", 2, "--size", 64, "--samples", 1, "--elevations", 20, "--distances", 5, "--fov", 90, "--out", out]
+    asked += [
+        "--frames",
+        2,
+        "--size",
+        64,
+        "--samples",
+        1,
+        "--elevations",
+        20,
+        "--distances",
+        5,
+        "--fov",
+        90,
+        "--out",
+        out,
+    ]
     assert "AP@0.5 of class car" in evaluate(*asked)
     study = load_study(out)
     assert [(e.vehicle, e.weathers, e.defence) for e in study.entries] == [

@@ -135,6 +135,9 @@ def test_a_page_holds_the_rows_of_two_studies(study: Study, tmp_path: Path) -> N
     assert (found.relatives, found.judges) == (["yolov2-tiny"], ["left_half"])
     table = study.entries[0].results.table
     assert found.ap("ours", ["yolov4-tiny"]).ap == pytest.approx(table["ours s0"]["yolov4-tiny"].ap)
+    alone = compare({"street": study, "paper": again}, ["normal", "random"])
+    assert (list(alone.rows), alone.relatives) == (["normal", "random"], [])  # nothing of these was attacked
+    assert set(alone.judges) == set(table["normal"]) - {MEAN}
     page, *_ = write_compared(found, tmp_path / "compared.html", "rauca compare street <paper>", "ours")
     read = whole_page(page)
     for text in ("rauca compare street <paper>", "Is ours below the others?", "street, seen", f"town {found.town}"):
@@ -151,6 +154,8 @@ def elsewhere(entry: Entry, **changes: Any) -> Study:
 
 def test_what_cannot_be_compared_is_refused(study: Study, tmp_path: Path) -> None:
     (entry,) = study.entries
+    with pytest.raises(RaucaError, match=r"--rows mine: no such row; choose of normal, random, ours"):
+        compare({"a": study}, ["ours", "mine"])
     with pytest.raises(RaucaError, match="given twice"):
         compare({"a": study, "b": study})
     fewer = replace(entry.results, detectors=dict(list(entry.results.detectors.items())[:1]))
