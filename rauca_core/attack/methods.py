@@ -1,7 +1,8 @@
 """The methods that camouflages are compared by, each from its paper, as one table of settings of one optimizer.
 
 A rival has two forms: *published*, everything as its public code or paper says, and *adapted*, the same attack in exact
-light, and where it paints the UV map in our renderer. What each paper leaves open stands in ``docs/methods.md``.
+light, at the best of three learning rates in validation places (docs/results.md), and where it paints the UV map in our
+renderer. What each paper leaves open stands in ``docs/methods.md``.
 """
 
 from __future__ import annotations
@@ -62,6 +63,7 @@ METHODS: Mapping[str, Method] = {
             "gamma": 4e-4,
         },
         published={"light": "none", "batch": 1},
+        adapted={"lr": 0.16},
         stand_ins="attention is the attacked detector's, not a classifier's; the seed picture is ours",
     ),
     # FCA: facets all over the body, a detection loss of three terms, Neural Renderer's own light.
@@ -77,6 +79,7 @@ METHODS: Mapping[str, Method] = {
             "beta": 1e-4 * 640**2,
         },
         published={"light": "none", "batch": 1},
+        adapted={"lr": 0.16},
         stand_ins="the boxes assigned to the vehicle are the nine that overlap it most, not those its anchors match",
     ),
     # DTA: one small pattern, repeated all over, against the vehicle's confidence.
@@ -93,6 +96,7 @@ METHODS: Mapping[str, Method] = {
             "smooth": "pattern",
             "beta": 0.0,
         },
+        adapted={"lr": 0.04},
         stand_ins="exact light and projection for its transformation network; texels, rate and batch are ours",
     ),
     # ACTIVE: a triplanar pattern in the background's colors, against any class, under strong augmentation.
@@ -121,6 +125,7 @@ METHODS: Mapping[str, Method] = {
         known="code",
         settings={**_FACETS, "start": "tanh-wide", "limit": "tanh", "beta": 1e-4 * 640**2},
         published={"light": "published", "objective": "complete", "batch": 1},
+        adapted={"lr": 0.16},
         stand_ins="weights of the environment feature extractor are trained here and given with --extractor",
     ),
     # RAUCA-final, the paper: the UV map itself, Eq. 4 to 8, under random output augmentation, in better weathers.
@@ -139,6 +144,7 @@ METHODS: Mapping[str, Method] = {
             "map_size": 2048,
             "batch": 1,
         },
+        adapted={"lr": 0.04},
         stand_ins="weights of the environment feature extractor are trained here and given with --extractor",
     ),
     # Ours: what this project adds to RAUCA-final to reach detectors and views that took no part.

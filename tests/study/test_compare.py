@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from torch import Tensor
+from typer.testing import CliRunner
 
+from pipelines.cli import app
 from rauca_core.contract import Camouflage, RaucaError, save_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.contract.towns import TEST
@@ -24,7 +26,7 @@ from rauca_core.study.compare import Compared, compare, rows_of
 from rauca_core.study.detection_cache import DetectionSettings
 from rauca_core.study.results import AXES, MEAN, FrameRow, ImageRow, Results
 from rauca_core.study.scores import score_table
-from rauca_core.study.study import Entry, Study
+from rauca_core.study.study import Entry, Study, save_study
 from tests.study.measured import measure
 from tests.study.page import whole_page
 
@@ -145,6 +147,17 @@ def test_a_page_holds_the_rows_of_two_studies(study: Study, tmp_path: Path) -> N
     stored = json.loads((tmp_path / "compared.json").read_text(encoding="utf-8"))
     assert stored["attacked"] == {"normal": [], "random": [], "ours": ["yolov4-tiny"]}
     assert MEAN not in stored["judges"]
+
+
+def test_the_command_takes_rows_and_tells_them(study: Study, tmp_path: Path) -> None:
+    save_study(tmp_path / "study" / "study.json", study.command, study.entries)
+    out = tmp_path / "page.html"
+    asked = ["compare", str(tmp_path / "study"), "--rows", "normal,ours", "--lowest", "ours", "--out", str(out)]
+    shown = CliRunner().invoke(app, asked)
+    assert shown.exit_code == 0
+    assert "family of an" in shown.output
+    assert "random" not in shown.output
+    assert "Is ours below the others?" in whole_page(out).text
 
 
 def elsewhere(entry: Entry, **changes: Any) -> Study:
