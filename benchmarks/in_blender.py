@@ -24,7 +24,7 @@ from rauca_core.contract import (
 )
 from rauca_core.contract.files import write_json
 from rauca_core.dataset_tools.stored import FILES, load_vehicle
-from rauca_core.runtime.blender import require_bpy, run_blender, run_command
+from rauca_core.runtime.blender import require_bpy, run_blender, run_commands
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -40,7 +40,7 @@ def run_child(function: str, request: Mapping[str, Any], move: Callable[[Progres
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         path = Path(temporary) / "request.json"
         write_json(path, request)
-        run_command(function, [sys.executable, "-c", code, function, str(path)], move)
+        run_commands(function, [[sys.executable, "-c", code, function, str(path)]], move)
 
 
 def child() -> None:

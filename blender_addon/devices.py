@@ -49,8 +49,14 @@ def find(wanted: str) -> Device:
     return there[0] if there else Device()
 
 
-def use(scene: bpy.types.Scene, wanted: str) -> None:
-    """Let ``scene`` be rendered on what :func:`find` finds; raises as it does."""
+def use(scene: bpy.types.Scene, wanted: str, threads: int = 0) -> None:
+    """Let ``scene`` be rendered on what :func:`find` finds; raises as it does.
+
+    Args:
+        threads: of the CPU; 0: as many as there are cores.
+    """
+    if threads:
+        scene.render.threads_mode, scene.render.threads = "FIXED", threads
     device = find(wanted)
     scene.cycles.device = "GPU" if device.names else "CPU"
     preferences = _preferences()

@@ -98,7 +98,7 @@ def _render_camouflages(job: contract.RenderCamouflages, report: Report) -> None
     samples = dataset.plan.quality.samples if job.samples is None else job.samples
     quality = replace(dataset.plan.quality, samples=samples, denoise=job.denoise)
     session = Session(replace(dataset.plan, quality=quality), vehicle, job.scene)
-    devices.use(session.scene, job.device)
+    devices.use(session.scene, job.device, job.threads)
     frames = [frame for frame in dataset.frames() if job.frames is None or frame.id in job.frames]
     render_camouflages(session, dataset, paintworks, job.out, lambda *news: report(contract.Progress(*news)), frames)
 

@@ -52,9 +52,7 @@ def work(job: contract.RenderFrames) -> None:
     """A worker's life: build the scene, then render what standard input asks for."""
     plan = contract.read_plan(job.plan)
     session = Session(plan, contract.load_vehicle(job.plan / "vehicle", read_image_blender), job.scene)
-    devices.use(session.scene, job.device)
-    if job.threads:
-        session.scene.render.threads_mode, session.scene.render.threads = "FIXED", job.threads
+    devices.use(session.scene, job.device, job.threads)
     for note in session.place.notes:
         tell(News("note", reason=note))
     tasks = {task.id: task for task in contract.planned_frames(plan)}

@@ -120,6 +120,7 @@ class RenderCamouflages(Record):
         samples: paths per pixel; None: as many as the data set has.
         denoise: use Open Image Denoise.
         scene: the .blend that the data set was made in, if it was.
+        threads: 0: as many as there are cores.
         device: as of :class:`MakeDataset`.
     """
 
@@ -131,6 +132,7 @@ class RenderCamouflages(Record):
     samples: int | None = None
     denoise: bool = True
     scene: Path | None = None
+    threads: int = 0
     device: Annotated[str, DEVICES] = "cpu"
 
 

@@ -7,6 +7,7 @@ import logging
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -54,28 +55,60 @@ def run_blender(job: Job, progress: Callable[[Progress], None], blender: Path | 
     Raises:
         RaucaError: what the job said was wrong, or how it died.
     """
+    run_blenders([job], progress, blender)
+
+
+def run_blenders(jobs: Sequence[Job], progress: Callable[[Progress], None], blender: Path | None = None) -> None:
+    """Let a Blender each do jobs of one task at once; the first that fails ends the others.
+
+    Args:
+        progress: called at every item, with what all have done.
+
+    Raises:
+        RaucaError: what a job said was wrong, or how it died.
+    """
     with tempfile.TemporaryDirectory(prefix="rauca-job-") as folder:
-        path = Path(folder) / "job.json"
-        save_job(path, job)
-        run_command(job.task, blender_command(path, blender), progress)
+        paths = [Path(folder) / f"job-{number}.json" for number in range(len(jobs))]
+        for path, job in zip(paths, jobs, strict=True):
+            save_job(path, job)
+        run_commands(jobs[0].task, [blender_command(path, blender) for path in paths], progress)
 
 
-def run_command(task: str, command: Sequence[str], progress: Callable[[Progress], None]) -> None:
-    """Run a command that does a task and tells its progress; raises :class:`RaucaError` as :func:`run_blender`."""
-    lines: SimpleQueue[str | None] = SimpleQueue()
-    child = ChildProcess(command)
-    child.listen(lines.put, lambda: lines.put(None))
+def run_commands(task: str, commands: Sequence[Sequence[str]], progress: Callable[[Progress], None]) -> None:
+    """Run commands that share a task and tell their progress; raises :class:`RaucaError` as :func:`run_blenders`."""
+    lines: SimpleQueue[tuple[int, str | None]] = SimpleQueue()
+    children: list[ChildProcess] = []
+    told: dict[int, Progress] = {}
     try:
-        while (line := lines.get()) is not None:
-            if news := parse_progress(line):
-                progress(news)
+        for number, command in enumerate(commands):
+            children.append(ChildProcess(command))
+            children[-1].listen(partial(_put, lines, number), partial(_put, lines, number, None))
+        running = len(children)
+        while running:
+            number, line = lines.get()
+            if line is None:
+                running -= 1
+                if code := children[number].wait():
+                    raise RaucaError(reason_of(task, code, children[number].complaints()))
+            elif news := parse_progress(line):
+                told[number] = news
+                progress(_together(list(told.values()), news.last))
             elif line.startswith("note: "):
                 LOG.warning(line)
     except BaseException:
-        child.end()
+        for child in children:
+            child.end()
         raise
-    if code := child.wait():
-        raise RaucaError(reason_of(task, code, child.complaints()))
+
+
+def _put(lines: SimpleQueue[tuple[int, str | None]], number: int, line: str | None) -> None:
+    lines.put((number, line))
+
+
+def _together(told: Sequence[Progress], last: str) -> Progress:
+    """What several have done; the one that needs longest says how long it takes."""
+    left = [one.left_s for one in told if one.left_s is not None]
+    return Progress(sum(one.done for one in told), sum(one.total for one in told), last, max(left, default=None))
 
 
 def reason_of(task: str, code: int, complaints: Sequence[str], program: str = "Blender") -> str:

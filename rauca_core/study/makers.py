@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 from ..attack import Renderer, make_settings, random_camouflage, run_optimization
@@ -29,7 +30,8 @@ from ..contract import (
 )
 from ..contract.files import file_digest, png_bytes, write_bytes, write_json
 from ..contract.schema import Fields
-from ..runtime.blender import run_blender
+from ..contract.system import cores
+from ..runtime.blender import run_blender, run_blenders
 from ..runtime.devices import threads
 from ..runtime.images import is_whole, read_image
 from ..runtime.tensor_files import started
@@ -40,12 +42,13 @@ from .defences import make_defence
 from .defences.interface import to_pixels
 from .detecting import detect_in, detections_in, image_of, image_tensor, pictures_in, read_frame_image, source_of
 from .harden_rounds import run_hardening
-from .job import Job, steps_told
+from .job import Job, Machine, steps_told
 from .other_classes import without_vehicle
 from .ranking import FILE_NAME as RANKING
 from .ranking import Ranking, rank_camouflages
 
 CAMOUFLAGE = "camouflage.json"
+MOST_BLENDERS, IMAGES_A_BLENDER = 4, 8
 
 
 def make_vehicle(job: Job) -> None:
@@ -68,8 +71,8 @@ def make_views(job: Job) -> None:
     fields = {**wanted.settings["plan"], "name": wanted.label, "blender": ""}
     plan = Plan.from_json(Fields(fields, wanted.name))
     vehicle, frames = VehicleSource(str(job.inputs[0])), tuple(wanted.options["frames"])
-    device = job.machine.render_device
-    asked = MakeDataset(job.folder, plan, vehicle, _scene(wanted), frames, device=device)
+    device, workers = job.machine.render_device, _blenders(len(frames), job.machine)
+    asked = MakeDataset(job.folder, plan, vehicle, _scene(wanted), frames, workers=workers, device=device)
     run_blender(asked, job.report, job.machine.blender)
 
 
@@ -143,11 +146,24 @@ def make_renders(*jobs: Job) -> None:
             for damaged in (path for path in job.folder.glob("*.png") if not is_whole(path)):
                 damaged.unlink()
         samples = first.artifact.settings.get("samples")
+        many = min(len(frames), _blenders(len(frames) * len(paints), first.machine))
+        parts = np.array_split(sorted(frames), many)  # by place: what stands around is built once for all of its frames
         wanted = RenderCamouflages(
-            first.inputs[0], first.folder.parent, tuple(paints), tuple(frames), samples, denoise=samples is None,
-            scene=_scene(first.artifact), device=first.machine.render_device,
+            first.inputs[0], first.folder.parent, tuple(paints), None, samples, denoise=samples is None,
+            scene=_scene(first.artifact), threads=0 if many == 1 else max(1, cores() // many),
+            device=first.machine.render_device,
         )  # fmt: skip
-        run_blender(wanted, first.report, first.machine.blender)
+        jobs_at_once = [replace(wanted, frames=tuple(map(str, part))) for part in parts]
+        run_blenders(jobs_at_once, first.report, first.machine.blender)
+
+
+def _blenders(images: int, machine: Machine) -> int:
+    """How many Blenders render some images at once on the CPU.
+
+    One alone leaves a third of two cores idle while it builds scenes, and more of more cores. Each takes a gigabyte and
+    some seconds to start.
+    """
+    return 1 if machine.render_device != "cpu" else max(1, min(cores(), MOST_BLENDERS, images // IMAGES_A_BLENDER))
 
 
 def make_composed(job: Job) -> None:

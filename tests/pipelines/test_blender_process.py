@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.in_blender import open_vehicle
-from rauca_core.contract import ApplyCamouflage, RaucaError
-from rauca_core.runtime.blender import LIBRARIES, blender_command, reason_of, require_bpy, run_blender
+from rauca_core.contract import ApplyCamouflage, Progress, RaucaError
+from rauca_core.runtime.blender import LIBRARIES, blender_command, reason_of, require_bpy, run_blender, run_blenders
 from tools.system_libraries import PACKAGES
 
 
@@ -37,6 +37,26 @@ def test_a_job_that_dies_is_told_with_its_reason(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("rauca_core.runtime.blender.blender_command", lambda *_: [sys.executable, "-c", code])
     with pytest.raises(RaucaError, match=told):
         run_blender(ApplyCamouflage(Path(), Path()), lambda _: None)
+
+
+def test_the_first_that_fails_ends_the_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Two jobs: one tells how far it is and waits for ever, the other dies of what is wrong."""
+    waits = f"print({Progress(1, 4, 'a frame', 9.0).line()!r}, flush=True); import time; time.sleep(600)"
+    fails = "import sys, time; time.sleep(1); print('error: the disk is full', file=sys.stderr); sys.exit(2)"
+    codes, told = iter((waits, fails)), []
+    monkeypatch.setattr("rauca_core.runtime.blender.blender_command", lambda *_: [sys.executable, "-c", next(codes)])
+    job = ApplyCamouflage(tmp_path, tmp_path)
+    with pytest.raises(RaucaError, match=r"^the disk is full$"):
+        run_blenders([job, job], told.append)
+    assert told == [Progress(1, 4, "a frame", 9.0)]
+
+
+def test_progress_is_that_of_all(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    says = (f"print({Progress(done, 3, 'x', left).line()!r})" for done, left in ((2, None), (1, 5.0)))
+    monkeypatch.setattr("rauca_core.runtime.blender.blender_command", lambda *_: [sys.executable, "-c", next(says)])
+    told: list[Progress] = []
+    run_blenders([ApplyCamouflage(tmp_path, tmp_path)] * 2, told.append)
+    assert told[-1] == Progress(3, 6, "x", 5.0)
 
 
 def test_a_library_that_the_system_lacks_is_named_with_the_packages_that_bring_it() -> None:

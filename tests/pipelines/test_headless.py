@@ -26,7 +26,7 @@ from rauca_core.contract import (
     save_camouflage,
 )
 from rauca_core.contract.files import png_bytes
-from rauca_core.runtime.blender import run_blender
+from rauca_core.runtime.blender import run_blender, run_blenders
 from rauca_core.runtime.images import read_image
 
 pytest.importorskip("bpy", reason="the bpy wheel is not installed")
@@ -142,6 +142,15 @@ def test_camouflages_are_rendered_on_the_same_views(dataset, tmp_path):
         assert (blue - red)[paint][:, 2].mean() > 15
     run_blender(job, moves.append)
     assert (moves[-1].done, moves[-1].total) == (12, 12)
+    ids = sorted(frame.id for frame in dataset.frames())
+    parts = [
+        replace(job, out=tmp_path / "two at once", threads=1, frames=part) for part in (tuple(ids[:2]), tuple(ids[2:]))
+    ]
+    moves.clear()
+    run_blenders(parts, moves.append)
+    assert (moves[-1].done, moves[-1].total) == (12, 12)
+    for path in (tmp_path / "renders").rglob("*.png"):  # neither the thread nor who else renders changes a bit
+        assert (tmp_path / "two at once" / path.relative_to(tmp_path / "renders")).read_bytes() == path.read_bytes()
 
 
 @pytest.mark.parametrize(

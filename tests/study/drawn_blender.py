@@ -82,4 +82,5 @@ def drawn_blender(monkeypatch: pytest.MonkeyPatch) -> DrawnBlender:
     """In place of the real one, in this process."""
     drawn = DrawnBlender()
     monkeypatch.setattr("rauca_core.study.makers.run_blender", drawn)
+    monkeypatch.setattr("rauca_core.study.makers.run_blenders", lambda jobs, *more: [drawn(job, *more) for job in jobs])
     return drawn
