@@ -8,7 +8,7 @@ part are never averaged together, and the judges of a table took part in none of
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -141,7 +141,8 @@ def compare(studies: Mapping[str, Study], only: Sequence[str] = ()) -> Compared:
         raise RaucaError("compare: nothing was evaluated without a defence; evaluate with --defences none")
     if len({entry.folder.resolve() for entry in entries}) < len(entries):
         raise RaucaError("compare: a study was given twice; its frames would count twice")
-    first = entries[0]
+    rows = _chosen(entries, only)
+    first, shown = entries[0], set(chain(*rows.values()))
     for entry in entries[1:]:
         where = f"{entry.folder / 'results.json'}"
         if (entry.vehicle, entry.category) != (first.vehicle, first.category):
@@ -150,16 +151,24 @@ def compare(studies: Mapping[str, Study], only: Sequence[str] = ()) -> Compared:
             )
         if entry.results.detectors != first.results.detectors:
             raise RaucaError(f"{where}: judged by other detectors than {first.folder}; evaluate all with the same")
-        if _maps(entry) != _maps(first):
+        if _maps(entry, shown) != _maps(first, shown):
             raise RaucaError(
-                f"{where}: of other camouflages than {first.folder}; evaluate the same under the same names"
+                f"{where}: of other camouflages than {first.folder}; evaluate the same under the same names, or name "
+                "the rows that both have with --rows"
             )
     towns = {_town(entry) for entry in entries}
     if len(towns) > 1:
         raise RaucaError(
             f"compare: studies in different towns ({', '.join(map(str, sorted(towns)))}); compare each apart"
         )
-    rows = rows_of(list(first.results.paints))
+    against = white_box_of(first)
+    attacked = {row: frozenset(chain(*(against.get(paint, ()) for paint in paints))) for row, paints in rows.items()}
+    return Compared(tuple(entries), rows, attacked, towns.pop())
+
+
+def _chosen(entries: Sequence[Entry], only: Sequence[str]) -> dict[str, list[str]]:
+    """Rows that take part, with their paints; raises :class:`RaucaError` as :func:`compare`."""
+    rows = rows_of(list(dict.fromkeys(chain(*(entry.results.paints for entry in entries)))))
     if strange := [name for name in only if name not in rows]:
         raise RaucaError(f"--rows {strange[0]}: no such row; choose of {', '.join(rows)}")
     rows = {row: paints for row, paints in rows.items() if row in (only or rows)}
@@ -167,14 +176,12 @@ def compare(studies: Mapping[str, Study], only: Sequence[str] = ()) -> Compared:
     if len(counts) > 1:
         told = ", ".join(f"{row} {len(paints)}" for row, paints in rows.items())
         raise RaucaError(f"compare: rows of different numbers of seeds ({told}); evaluate as many of each, or one")
-    against = white_box_of(first)
-    attacked = {row: frozenset(chain(*(against.get(paint, ()) for paint in paints))) for row, paints in rows.items()}
-    return Compared(tuple(entries), rows, attacked, towns.pop())
+    return rows
 
 
-def _maps(entry: Entry) -> dict[str, str]:
-    """Paint -> the digest of its UV map."""
-    return {paint: file_digest(path.with_suffix(".png")) for paint, path in entry.camouflages.items()}
+def _maps(entry: Entry, shown: Collection[str]) -> dict[str, str]:
+    """Paint -> the digest of its UV map, of those that are shown."""
+    return {p: file_digest(path.with_suffix(".png")) for p, path in entry.camouflages.items() if p in shown}
 
 
 def _town(entry: Entry) -> int:

@@ -146,8 +146,9 @@ def make_renders(*jobs: Job) -> None:
             for damaged in (path for path in job.folder.glob("*.png") if not is_whole(path)):
                 damaged.unlink()
         samples = first.artifact.settings.get("samples")
-        many = min(len(frames), _blenders(len(frames) * len(paints), first.machine))
-        parts = np.array_split(sorted(frames), many)  # by place: what stands around is built once for all of its frames
+        left = [frame for frame in sorted(frames) if not all((j.folder / f"{frame}.png").is_file() for j in jobs)]
+        many = min(len(left), _blenders(len(left) * len(paints), first.machine))
+        parts = np.array_split(left, many)  # in their places' order: what stands around is built once for its frames
         wanted = RenderCamouflages(
             first.inputs[0], first.folder.parent, tuple(paints), None, samples, denoise=samples is None,
             scene=_scene(first.artifact), threads=0 if many == 1 else max(1, cores() // many),

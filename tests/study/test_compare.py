@@ -178,6 +178,8 @@ def test_what_cannot_be_compared_is_refused(study: Study, tmp_path: Path) -> Non
     save_camouflage(other, Camouflage("other", "box", "a", 8, "plain"), png_bytes(np.zeros((8, 8, 3), np.uint8) + 9))
     with pytest.raises(RaucaError, match="of other camouflages than"):
         compare({"a": study, "b": elsewhere(entry, camouflages={**entry.camouflages, "random": other})})
+    fewer_paints = elsewhere(entry, camouflages={**entry.camouflages, "random": other})
+    assert list(compare({"a": study, "b": fewer_paints}, ["normal", "ours"]).rows) == ["normal", "ours"]
     with pytest.raises(RaucaError, match=r"of the van, .* of the box; compare each apart"):
         compare({"a": study, "b": elsewhere(entry, vehicle="van")})
     with pytest.raises(RaucaError, match="does not say which views"):
