@@ -7,6 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ import torch
 from benchmarks.stability.detectors import SmallDetector
 from rauca_core.attack import make_settings, random_camouflage
 from rauca_core.attack.paint import load_paint
-from rauca_core.contract import Dataset, Plan, Progress, Quality, RaucaError, Ring, Vehicle, Weather
+from rauca_core.contract import Dataset, Plan, Progress, Quality, RaucaError, RenderCamouflages, Ring, Vehicle, Weather
 from rauca_core.detect import load_detector
 from rauca_core.runtime.cluster import Cluster
 from rauca_core.runtime.folder_lock import alone_in
@@ -153,6 +154,31 @@ def test_damaged_and_lost_renders_are_made_again(kit: Kit, tmp_path: Path) -> No
     assert {path: path.read_bytes() for path in folder.glob("*.png")} == whole
     assert kit.blender.frames["render_camouflages"] == 4 + 2
     assert not (folder / ".partial-x").exists()
+
+
+def test_blenders_share_the_frames_that_are_missing(kit: Kit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many as cores, none without a frame; what lies there is in nobody's part."""
+    asked: list[list[tuple[str, ...] | None]] = []
+
+    def drawn(jobs: Sequence[RenderCamouflages], *more: Any) -> None:
+        asked.append([job.frames for job in jobs])
+        assert {job.threads for job in jobs} == {0 if len(jobs) == 1 else 1}
+        for job in jobs:
+            kit.blender(job, *more)
+
+    monkeypatch.setattr("rauca_core.study.makers.run_blenders", drawn)
+    monkeypatch.setattr("rauca_core.study.makers.cores", lambda: 3)
+    monkeypatch.setattr("rauca_core.study.makers.IMAGES_A_BLENDER", 1)
+    engine = kit.engine()
+    (folder,) = engine.make(renders := kit.painted(engine))
+    first, second, *others = sorted(path.stem for path in folder.glob("*.png"))
+    (folder / f"{first}.png").unlink()
+    (folder / f"{second}.png").unlink()
+    kit.engine().make(renders)
+    monkeypatch.setattr("rauca_core.study.makers.IMAGES_A_BLENDER", 8)
+    (folder / f"{second}.png").unlink()
+    kit.engine().make(renders)
+    assert asked == [[(first, second), (others[0],), (others[1],)], [(first,), (second,)], [(second,)]]
 
 
 def test_a_stop_keeps_what_was_made_and_adds_up_its_seconds(
