@@ -11,7 +11,7 @@ from ..study.detectors import in_table_order
 from ..study.intervals import SEEDS_NEEDED
 from ..study.results import Estimate
 from ..study.study import Study
-from .figures import GREY, OCHRE, PALETTE, Style, intervals_svg, paint_styles
+from .figures import GREY, OCHRE, PALETTE, Style, intervals_svg
 from .page import write_study_page
 from .published import published_means
 from .study_tables import detector_columns
@@ -47,9 +47,8 @@ def write_compared(found: Compared, out: Path, command: str = "", lowest: str = 
     gaps = _gaps(lowest, [one for verdict in verdicts for one in verdict.comparisons])
     told = {
         "title": "Camouflages compared",
-        "scope": f"{sum(found.scores.frames.values())} views in the {found.use} town {found.town}.",
+        "scope": f"{sum(found.scores.frames.values())} views of {found.places} in the {found.use} town {found.town}.",
         "lead": _lead(found),
-        "styles": {**PARTS, **paint_styles(found.rows)},
         "marks": PARTS,
         "found": found,
         "seeds_needed": SEEDS_NEEDED,
@@ -131,7 +130,7 @@ def _ranks(found: Compared) -> Table | None:
         correlation = found.rank_correlation(means)
         if correlation is not None:
             rows.append(Row(title, (Cell(correlation[0]), Cell(correlation[1]))))
-    columns = Column("Spearman's correlation", kind="change"), Column("rows in common", kind="count")
+    columns = Column("Spearman's correlation", kind="chance"), Column("rows in common", kind="count")
     return listing("ranks", "published order", columns, tuple(rows), "The order that others found") if rows else None
 
 

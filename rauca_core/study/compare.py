@@ -24,6 +24,7 @@ from .candidates import NORMAL, RANDOM
 from .defences import NO_DEFENCE
 from .detectors import is_own, lineage_of
 from .results import Estimate
+from .scores import places_of
 from .study import Entry, Study, white_box_of
 
 _SEED = re.compile(r"(?P<row>.+) s\d+")
@@ -63,6 +64,12 @@ class Compared:
         """What the town is for, as `contract.towns` lists it."""
         uses = {"training": TRAINING, "validation": VALIDATION, "test": TEST}
         return next((use for use, towns in uses.items() if self.town in towns.values()), "no listed")
+
+    @property
+    def places(self) -> str:
+        """What intervals are over: ``"24 locations"``."""
+        every = places_of([row for entry in self.entries for row in entry.results.frames])
+        return f"{every.count} {every.kind}"
 
     @cached_property
     def scores(self) -> Scores:
