@@ -136,7 +136,7 @@ def compare(studies: Mapping[str, Study], only: Sequence[str] = ()) -> Compared:
         only: rows that take part; all if none is named. What others attacked then says nothing of a judge.
 
     Raises:
-        RaucaError: several vehicles, towns, or sets of detectors; different camouflages under one name; rows of
+        RaucaError: several vehicles, towns, or sets of detectors; pictures beside rendered views; different camouflages under one name; rows of
             different numbers of seeds; results that do not say where they stand; no such row.
     """
     entries = [
@@ -155,6 +155,10 @@ def compare(studies: Mapping[str, Study], only: Sequence[str] = ()) -> Compared:
         if (entry.vehicle, entry.category) != (first.vehicle, first.category):
             raise RaucaError(
                 f"{where}: of the {entry.vehicle}, {first.folder} of the {first.vehicle}; compare each apart"
+            )
+        if entry.results.composed != first.results.composed:
+            raise RaucaError(
+                f"{where}: of composed pictures or of rendered views, {first.folder} not; compare each apart"
             )
         if entry.results.detectors != first.results.detectors:
             raise RaucaError(f"{where}: judged by other detectors than {first.folder}; evaluate all with the same")

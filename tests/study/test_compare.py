@@ -182,6 +182,8 @@ def test_what_cannot_be_compared_is_refused(study: Study, tmp_path: Path) -> Non
     assert list(compare({"a": study, "b": fewer_paints}, ["normal", "ours"]).rows) == ["normal", "ours"]
     with pytest.raises(RaucaError, match=r"of the van, .* of the box; compare each apart"):
         compare({"a": study, "b": elsewhere(entry, vehicle="van")})
+    with pytest.raises(RaucaError, match="of composed pictures or of rendered views"):
+        compare({"a": study, "b": elsewhere(entry, results=replace(entry.results, composed=True))})
     with pytest.raises(RaucaError, match="does not say which views"):
         compare({"a": elsewhere(entry, views=None)})
     with pytest.raises(RaucaError, match="nothing was evaluated without a defence"):

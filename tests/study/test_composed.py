@@ -73,6 +73,7 @@ OPENS = {
     "rauca_core/environment/views/drawn.py": JUDGES,  # nothing is composed from composed frames
     "rauca_core/report/pictures.py": MAKES,
     "rauca_core/study/camouflaged.py": READS,
+    "rauca_core/study/compare.py": READS,  # the town of views that `evaluate` has opened
     "rauca_core/study/datasets.py": MAKES,
     "rauca_core/study/demo.py": MAKES,
     "rauca_core/study/assess.py": JUDGES_PICTURES,
