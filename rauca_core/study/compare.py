@@ -136,8 +136,9 @@ def compare(studies: Mapping[str, Study], only: Sequence[str] = ()) -> Compared:
         only: rows that take part; all if none is named. What others attacked then says nothing of a judge.
 
     Raises:
-        RaucaError: several vehicles, towns, or sets of detectors; pictures beside rendered views; different camouflages under one name; rows of
-            different numbers of seeds; results that do not say where they stand; no such row.
+        RaucaError: several vehicles, towns, or sets of detectors; pictures beside rendered views; different
+            camouflages under one name; rows of different numbers of seeds; results that do not say where they stand;
+            no such row.
     """
     entries = [
         replace(entry, weathers=entry.weathers if len(studies) == 1 else f"{name}, {entry.weathers}")
