@@ -236,7 +236,8 @@ def difference_table() -> str:
 
 def test_what_differs_is_read_off_the_settings() -> None:
     assert differences("rauca-final") == {
-        "batch": (1, 4), "map_size": (2048, 1024), "samples": (2, 12), "pixel_filter": ("box", "blackman-harris"),
+        "batch": (1, 4), "lr": (0.01, 0.04), "map_size": (2048, 1024), "samples": (2, 12),
+        "pixel_filter": ("box", "blackman-harris"),
         "sampler": ("uv-traversal", "area"), "light": ("published", "exact"), "objective": ("complete", "eq6"),
         "smooth": ("unclamped", "map"), "augmentation": ("published", "rauca"),
     }  # fmt: skip
