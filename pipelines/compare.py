@@ -22,16 +22,16 @@ Lowest = Annotated[str, typer.Option(help="row that is claimed to be below all o
 def compare(studies: Studies, out: Out = Path("compared.html"), rows: Rows = "", lowest: Lowest = "") -> None:
     """Hold camouflages of finished studies against each other; `NAME s0`, `NAME s1` ... are seeds of one row."""
     from rauca_core.report import Study, write_compared
+    from rauca_core.study.compare import PARTS
     from rauca_core.study.compare import compare as run
 
     names = [folder.name for folder in studies]
     alike = len(set(names)) < len(names)
     found = run({str(folder) if alike else folder.name: Study.load(folder) for folder in studies}, split_names([rows]))
     pages = write_compared(found, out, command_line(), lowest)
-    shown = Table("row", "took no part", "family of an attacked one", "attacked", title="AP@0.5, all views and seeds")
+    shown = Table("row", *PARTS, title="AP@0.5, all views and seeds")
     for row in found.rows:
-        groups = found.judges, found.relatives, found.white_box(row)
-        told = (found.ap(row, names) if names else None for names in groups)
+        told = found.by_part(row).values()
         shown.add_row(row, *("–" if one is None else f"{one.ap:.3f} [{one.low:.2f}, {one.high:.2f}]" for one in told))
     output().print(shown)
     console.print(f"comparison: {pages[0]}", highlight=False, soft_wrap=True)

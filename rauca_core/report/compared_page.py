@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..study.ablations.findings import Comparison
-from ..study.compare import Compared
+from ..study.compare import PARTS, Compared
 from ..study.detectors import in_table_order
 from ..study.intervals import SEEDS_NEEDED
 from ..study.results import Estimate
@@ -17,12 +17,7 @@ from .published import published_means
 from .study_tables import detector_columns
 from .table import Block, Cell, Column, Row, Table, listing, printed
 
-PARTS = {
-    "took no part": Style(*PALETTE[0], "o"),
-    "family of an attacked one": Style(*OCHRE, "s"),
-    "attacked": Style(*GREY, "^"),
-}
-"""What a detector had to do with the attacks, and how figures mark it."""
+STYLES = dict(zip(PARTS, (Style(*PALETTE[0], "o"), Style(*OCHRE, "s"), Style(*GREY, "^")), strict=True))
 _LIMIT = (
     "Rows of one seed say nothing of the luck of an optimization. Each interval is for itself; only verdicts are "
     "corrected for how many rows there are."
@@ -49,11 +44,11 @@ def write_compared(found: Compared, out: Path, command: str = "", lowest: str = 
         "title": "Camouflages compared",
         "scope": f"{sum(found.scores.frames.values())} views of {found.places} in the {found.use} town {found.town}.",
         "lead": _lead(found),
-        "marks": PARTS,
+        "marks": STYLES,
         "found": found,
         "seeds_needed": SEEDS_NEEDED,
         "parts_table": parts,
-        "drawing": intervals_svg(parts, PARTS),
+        "drawing": intervals_svg(parts, STYLES),
         "every": every,
         "gaps": gaps,
         "ranks": ranks,
@@ -82,10 +77,8 @@ def _lead(found: Compared) -> list[str]:
 
 def _by_part(found: Compared) -> Table:
     """A row's mean over the detectors that took no part, over their relatives and over the attacked ones."""
-    rows = []
-    for row in found.rows:
-        groups = found.judges, found.relatives, found.white_box(row)
-        rows.append(Row(row, tuple(_cell(found.ap(row, names)) if names else None for names in groups)))
+    means = {row: found.by_part(row).values() for row in found.rows}
+    rows = [Row(row, tuple(None if one is None else _cell(one) for one in some)) for row, some in means.items()]
     told = ", ".join(found.judges) or "no detector"
     caption = f"AP@0.5, mean over all views and seeds. Took no part in any row's attack: {told}."
     return Table("parts", "By part in the attack", caption, tuple(map(Column, PARTS)), (Block("", tuple(rows)),))

@@ -27,6 +27,8 @@ from .results import Estimate
 from .scores import places_of
 from .study import Entry, Study, white_box_of
 
+PARTS = ("took no part", "family of an attacked one", "attacked")
+"""What a detector had to do with the attacks."""
 _SEED = re.compile(r"(?P<row>.+) s\d+")
 
 
@@ -93,6 +95,11 @@ class Compared:
         """Measured detectors that a row attacked; of a row that attacked none, those that any did."""
         against = self.attacked[row] or frozenset(chain(*self.attacked.values()))
         return [name for name in self.scores.detectors if name in against]
+
+    def by_part(self, row: str) -> dict[str, Estimate | None]:
+        """A row's mean over all views, by the detectors' part in the attacks; None where there is no such detector."""
+        groups = zip(PARTS, (self.judges, self.relatives, self.white_box(row)), strict=True)
+        return {part: self.ap(row, names) if names else None for part, names in groups}
 
     def ap(self, row: str, detectors: Sequence[str], weathers: Sequence[str] = ()) -> Estimate:
         """Mean AP over detectors, entries (all of them if none is named) and seeds."""
