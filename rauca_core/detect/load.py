@@ -24,7 +24,7 @@ from .frameworks.module_detector import is_torchscript
 from .frameworks.scaling import read_json
 from .interface import Detector
 from .renaming import renamed
-from .weights import shipped_path, stored_paths, verify
+from .weights import fetch, shipped_path, stored_paths
 
 _FAMILY_OF = {family.suffix: name for name, family in FAMILIES.items() if family.suffix}
 _OF_NETWORK = {network: name for name, family in FAMILIES.items() for network in family.networks}
@@ -34,7 +34,8 @@ def resolve(name_or_path: str, names: Sequence[str] | None = None) -> Resolved:
     """Find the files behind a detector's name.
 
     Args:
-        name_or_path: one of four forms. ``"yolov3-tiny"``: a named source, fetched before and verified by sha256.
+        name_or_path: one of four forms. ``"yolov3-tiny"``: a named source, downloaded where it is not here yet,
+            and verified by sha256.
             ``"yolov3=PATH"``: the named network with weights of your own, a folder for transformers and MMDetection.
             ``"yolox=PATH"``, ``"ultralytics=PATH"``: an ONNX file that does not tell which of the two it is;
             ``"fcos_resnet50_fpn=PATH"``: weights of that model of torchvision, which tell how many classes it has.
@@ -80,7 +81,7 @@ def _find(name_or_path: str, named: bool) -> Resolved:
         return _of_source(source, (shipped_path(source),))
     if not source.files:
         raise RaucaError(f"{source.name}: its weights must be given as {source.name}=PATH; get them with: {source.how}")
-    verify(source)
+    fetch(source.name)
     return _of_source(source, stored_paths(source))
 
 

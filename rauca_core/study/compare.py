@@ -79,22 +79,26 @@ class Compared:
         return score_rows(self.entries, self.rows)
 
     @property
+    def against(self) -> frozenset[str]:
+        """All that was attacked, by any row."""
+        return frozenset(chain(*self.attacked.values()))
+
+    @property
     def judges(self) -> list[str]:
         """Detectors that took no part: attacked by no row, of no attacked one's family, and not this project's own."""
-        met = {lineage_of(name) for name in chain(*self.attacked.values())}
+        met = set(map(lineage_of, self.against))
         return [name for name in self.scores.detectors if lineage_of(name) not in met and not is_own(name)]
 
     @property
     def relatives(self) -> list[str]:
         """Detectors of an attacked one's family that no row attacked itself."""
-        names = frozenset(chain(*self.attacked.values()))
-        met = {lineage_of(name) for name in names}
-        return [name for name in self.scores.detectors if lineage_of(name) in met and name not in names]
+        met = set(map(lineage_of, self.against))
+        return [name for name in self.scores.detectors if lineage_of(name) in met and name not in self.against]
 
     def white_box(self, row: str) -> list[str]:
         """Measured detectors that a row attacked; of a row that attacked none, those that any did."""
-        against = self.attacked[row] or frozenset(chain(*self.attacked.values()))
-        return [name for name in self.scores.detectors if name in against]
+        attacked = self.attacked[row] or self.against
+        return [name for name in self.scores.detectors if name in attacked]
 
     def by_part(self, row: str) -> dict[str, Estimate | None]:
         """A row's mean over all views, by the detectors' part in the attacks; None where there is no such detector."""

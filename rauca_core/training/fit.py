@@ -14,10 +14,9 @@ from torch import nn
 
 from ..contract import RaucaError
 from ..contract.files import file_digest
-from ..detect.catalogue import find_source
 from ..detect.synth.card import DetectorCard, SynthDetector, load_network, save_weights
 from ..detect.synth.networks import BACKBONE, build_network, find_recipe
-from ..detect.weights import stored_paths, verify
+from ..detect.weights import fetch
 from ..environment.frames import LightFrames, SplitBy
 from ..runtime.devices import find_device
 from .detector import Job, OnRound, OnStep, train
@@ -185,7 +184,7 @@ def _class_names(frames: LightFrames, chosen: Sequence[int], wanted: Fit) -> tup
 def _start(wanted: Fit, class_names: tuple[str, ...]) -> tuple[nn.Module, str]:
     """The network to begin with, and the sha256 of the weights that went into it."""
     if wanted.start is None:
-        backbone = _yolo_backbone()
+        backbone = fetch(BACKBONE)
         return build_network(wanted.name, len(class_names), backbone, wanted.settings.seed), file_digest(backbone)
     network, card, digest = load_network(wanted.start)
     if (card.name, card.class_names) != (wanted.name, class_names):
@@ -194,10 +193,3 @@ def _start(wanted: Fit, class_names: tuple[str, ...]) -> tuple[nn.Module, str]:
             f"{', '.join(class_names)} is to be trained; start without it"
         )
     return network, digest
-
-
-def _yolo_backbone() -> Path:
-    """The fetched weights that a backbone begins with."""
-    source = find_source(BACKBONE)
-    verify(source)
-    return stored_paths(source)[0]

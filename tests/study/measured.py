@@ -6,13 +6,17 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rauca_core.contract import Dataset
 from rauca_core.detect import Detector
+from rauca_core.study.average_precision import Sample
 from rauca_core.study.detecting import Pictures, detect_in, image_of
 from rauca_core.study.detection_cache import DetectionCache, DetectionSettings
 from rauca_core.study.results import AXES, MEAN, Estimate, FrameRow, Group, ImageRow, Results
-from rauca_core.study.scores import tabulate
+from rauca_core.study.scores import score_table, tabulate
+
+FRAMES, PLACES, BOX = 24, 8, (10.0, 10.0, 50.0, 40.0)
 
 
 def measure(
@@ -64,3 +68,19 @@ def made_up(seed: int, paints: tuple[str, ...], detectors: tuple[str, ...]) -> R
         groups={axis: azimuths if axis == "azimuth_deg" else (Group(1.0, 4, ap, mean),) for axis in AXES},
         images={paint: tuple(ImageRow(f"{i}.png", "0") for i in range(4)) for paint in paints},
     )
+
+
+def found_in(hit: NDArray[np.bool_]) -> list[Sample]:
+    """Of :data:`FRAMES` views: a box on the target where it is found, and one beside it everywhere."""
+    wrong = (60.0, 60.0, 80.0, 80.0)
+    return [Sample(np.array(BOX), np.array([BOX, wrong][not one :]), np.array([0.9, 0.3][not one :])) for one in hit]
+
+
+def scored(samples: Mapping[str, Mapping[str, list[Sample]]]) -> Results:
+    """Results of what :func:`found_in` gave for each paint and detector, over :data:`PLACES` locations."""
+    rows = tuple(FrameRow(f"f{i}", "clear", 0, 10, 6, 45, 0, BOX, i % PLACES, i) for i in range(FRAMES))
+    return Results(
+        "made up", DetectionSettings(), dict.fromkeys(next(iter(samples.values())), "0" * 64), rows, (),
+        score_table(samples, rows), dict.fromkeys(AXES, ()),
+        {paint: (ImageRow("x.png", "0"),) * FRAMES for paint in samples}, place_kind="locations", place_count=PLACES,
+    )  # fmt: skip

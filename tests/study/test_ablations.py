@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,11 +21,9 @@ from rauca_core.study.ablations.experiment import QUICK, Claim, Sizes
 from rauca_core.study.ablations.findings import Comparison, Findings, Scores, Verdict, judge, score_rows
 from rauca_core.study.average_precision import Sample
 from rauca_core.study.candidates import find_vehicles, keep_copy
-from rauca_core.study.detection_cache import DetectionSettings
-from rauca_core.study.results import AXES, MEAN, Estimate, FrameRow, ImageRow, Results
-from rauca_core.study.scores import score_table
+from rauca_core.study.results import MEAN, Estimate
 from rauca_core.study.study import Entry, Study, save_study
-from tests.study.measured import measure
+from tests.study.measured import FRAMES, found_in, measure, scored
 from tests.study.page import whole_page, written_elsewhere
 
 DEFAULT = Sizes()
@@ -43,8 +40,6 @@ runs = {name: [name] for name in study.entries[0].results.paints}
 found = Findings(experiment, (experiment.variant("with-roa"),), study, runs, ("yolov4-tiny",))
 write_ablation(found, Path("ablation.html"))
 """
-
-FRAMES, BOX = 24, (10.0, 10.0, 50.0, 40.0)
 
 
 @pytest.fixture
@@ -113,24 +108,9 @@ def test_training_sets_are_balanced_and_smaller_ones_are_part_of_larger_ones() -
     assert QUICK.frames < DEFAULT.frames
 
 
-def detections(found: Sequence[bool]) -> list[Sample]:
-    """A box on the target where it is found, and one beside it everywhere."""
-    wrong, score = (60.0, 60.0, 80.0, 80.0), 0.3
-    return [
-        Sample(np.array(BOX), np.array([BOX, wrong][not hit :]), np.array([0.9, score][not hit :])) for hit in found
-    ]
-
-
 def entry_of(monkeypatch: pytest.MonkeyPatch, samples: dict[str, dict[str, list[Sample]]], weathers: str) -> Entry:
     """Results over eight locations, computed by the evaluation's own scores."""
-    rows = tuple(FrameRow(f"f{i}", "clear", 0, 10, 6, 45, 0, BOX, location=i % 8, view=i) for i in range(FRAMES))
-    detectors = dict.fromkeys(next(iter(samples.values())), "0" * 64)
-    results = Results(
-        "made up", DetectionSettings(), detectors, rows, (), score_table(samples, rows),
-        dict.fromkeys(AXES, ()), {paint: (ImageRow("x.png", "0"),) * FRAMES for paint in samples},
-        place_kind="locations", place_count=8,
-    )  # fmt: skip
-    entry = Entry(weathers, "none", "sedan", "car", results, Path(weathers))
+    entry = Entry(weathers, "none", "sedan", "car", scored(samples), Path(weathers))
     monkeypatch.setattr("rauca_core.study.scores.Recorded.sample", lambda _, d, p, i: samples[p][d][i])
     return entry
 
@@ -142,7 +122,7 @@ def scores(monkeypatch: pytest.MonkeyPatch) -> tuple[Scores, Entry]:
     less = most.copy()
     less[1] = False
     paints = {"all": np.ones(FRAMES, bool), "most": most, "less": less, "none": np.zeros(FRAMES, bool)}
-    samples = {name: {"d1": detections(hit), "d2": detections(~hit | hit)} for name, hit in paints.items()}
+    samples = {name: {"d1": found_in(hit), "d2": found_in(~hit | hit)} for name, hit in paints.items()}
     entry = entry_of(monkeypatch, samples, "seen")
     rows = {"all": ["all"], "most": ["most"], "less": ["less"], "none": ["none"], "both": ["all", "none"]}
     return score_rows([entry, replace(entry, weathers="unseen")], rows), entry
@@ -186,7 +166,7 @@ def five(monkeypatch: pytest.MonkeyPatch) -> Scores:
     for seed in range(5):
         more = half | (np.arange(FRAMES) == 4 + seed)
         for row, hit in (("all", half | ~half), ("half", more), ("none", half & ~half)):
-            samples[f"{row} {seed}"] = {"d1": detections(hit), "d2": detections(hit)}
+            samples[f"{row} {seed}"] = {"d1": found_in(hit), "d2": found_in(hit)}
             rows[row].append(f"{row} {seed}")
     return score_rows([entry_of(monkeypatch, samples, "seen")], rows)
 

@@ -21,22 +21,11 @@ from rauca_core.contract.towns import TEST
 from rauca_core.detect import Detector, load_detector
 from rauca_core.report import write_compared
 from rauca_core.report.published import published_means
-from rauca_core.study.average_precision import Sample
 from rauca_core.study.compare import Compared, compare, rows_of
-from rauca_core.study.detection_cache import DetectionSettings
-from rauca_core.study.results import AXES, MEAN, FrameRow, ImageRow, Results
-from rauca_core.study.scores import score_table
+from rauca_core.study.results import MEAN
 from rauca_core.study.study import Entry, Study, save_study
-from tests.study.measured import measure
+from tests.study.measured import FRAMES, PLACES, found_in, measure, scored
 from tests.study.page import whole_page
-
-FRAMES, PLACES, BOX = 24, 8, (10.0, 10.0, 50.0, 40.0)
-
-
-def found_in(hit: NDArray[np.bool_]) -> list[Sample]:
-    """A box on the target where it is found, and one beside it everywhere."""
-    wrong = (60.0, 60.0, 80.0, 80.0)
-    return [Sample(np.array(BOX), np.array([BOX, wrong][not one :]), np.array([0.9, 0.3][not one :])) for one in hit]
 
 
 @pytest.fixture
@@ -51,12 +40,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> Compared:
             hit = (places < count) & (np.arange(FRAMES) != 3 * seed)
             by = {"yolov3-tiny": hit & (row == "normal"), "yolov2-tiny": hit, "yolov8s": hit, "frcnn-synth": ~hit | hit}
             samples[paint] = {name: found_in(one) for name, one in by.items()}
-    frames = tuple(FrameRow(f"f{i}", "clear", 0, 10, 6, 45, 0, BOX, i % PLACES, i) for i in range(FRAMES))
-    results = Results(
-        "drawn", DetectionSettings(), dict.fromkeys(next(iter(samples.values())), "0" * 64), frames, (),
-        score_table(samples, frames), dict.fromkeys(AXES, ()),
-        {paint: (ImageRow("x.png", "0"),) * FRAMES for paint in samples}, place_kind="locations", place_count=PLACES,
-    )  # fmt: skip
+    results = scored(samples)
     monkeypatch.setattr("rauca_core.study.scores.Recorded.sample", lambda _, d, p, i: samples[p][d][i])
     attacked = {row: frozenset({"yolov3-tiny"} if row not in ("normal", "theirs") else ()) for row in rows}
     return Compared((Entry("seen", "none", "sedan", "car", results, Path("seen")),), rows, attacked, 20_000)
