@@ -32,6 +32,7 @@ from .naturalness import (
 
 if TYPE_CHECKING:
     from rauca_core.attack import StepReport
+    from rauca_core.study.defences.informed import DefendedDetector
 
 RECENT_STEPS = 50  # that the time left is judged by
 
@@ -45,6 +46,9 @@ def optimize(
         typer.Option(
             help="a name or file, see `rauca detectors list`; repeat to attack several; the method's own by default"
         ),
+    ] = None,
+    defence: Annotated[
+        str | None, typer.Option(help="attack them behind this defence, such as jpeg or lgs:block=9, and knowing of it")
     ] = None,
     weight: Annotated[
         list[float] | None, typer.Option(help="of each detector, in the same order; equal if left out")
@@ -153,6 +157,7 @@ def optimize(
     from rauca_core.study.job import steps_told
 
     settings = {**chosen_settings(context), **natural_settings(context)}
+    against = _behind(defence, detector, method, detector_size) if defence else detector
     console.quiet = os.environ.get("RANK", "0") != "0"  # one process of several speaks
     tell = _lines(out) if json_progress else None
     with progress_bar("optimizing") as move:
@@ -164,10 +169,20 @@ def optimize(
                 tell(report)
 
         made = rauca.optimize(
-            dataset, detector or (), settings.pop("method"), out=out, device=device,
+            dataset, against or (), settings.pop("method"), out=out, device=device,
             on_step=show, on_view=view, resume=resume, **settings,
         )  # fmt: skip
     console.print(f"camouflage: {made.path}")
+
+
+def _behind(defence: str, detectors: list[str] | None, method: str, size: int | None) -> list[DefendedDetector]:
+    """The detectors that are attacked, or the method's own panel, each behind a defence."""
+    from rauca_core.attack import load_attacked, method_named
+    from rauca_core.study.defences import make_defence
+    from rauca_core.study.defences.informed import DefendedDetector
+
+    made = make_defence(defence)
+    return [DefendedDetector(load_attacked(name, size), made) for name in detectors or method_named(method).panel]
 
 
 def _lines(out: Path) -> Callable[[StepReport], None]:

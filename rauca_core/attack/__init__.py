@@ -4,8 +4,8 @@ from .augmentation import Augmentation
 from .ensemble import DetectorEnsemble
 from .history import StepReport, read_history
 from .losses import attack_loss, box_overlap, detection_score
-from .methods import METHODS, settings_of
-from .optimizer import optimize, run_optimization
+from .methods import METHODS, method_named, settings_of
+from .optimizer import load_attacked, optimize, run_optimization
 from .paint import Paint, load_paint, random_camouflage
 from .paint_losses import SmoothLoss
 from .renderer import Renderer
@@ -23,8 +23,10 @@ __all__ = [
     "attack_loss",
     "box_overlap",
     "detection_score",
+    "load_attacked",
     "load_paint",
     "make_settings",
+    "method_named",
     "optimize",
     "random_camouflage",
     "read_history",

@@ -81,7 +81,7 @@ def optimize(
     place = contextlib.nullcontext(out) if out is not None else tempfile.TemporaryDirectory("rauca")
     with joined_processes(device) as processes, place as folder:
         loaded = [
-            _load(d, chosen.detector_size, processes.device) if isinstance(d, str) else d
+            load_attacked(d, chosen.detector_size, processes.device) if isinstance(d, str) else d
             for d in detectors or method_named(method or "rauca-final").panel
         ]
         path = run_optimization(dataset, loaded, chosen, Path(folder), on_step, resume, on_view, processes)
@@ -90,7 +90,7 @@ def optimize(
         return replace(made, history=read_history(path.parent), path=None if out is None else path)
 
 
-def _load(name: str, size: int | None, device: torch.device) -> Detector:
+def load_attacked(name: str, size: int | None, device: torch.device | str = "cpu") -> Detector:
     """A detector at the size asked for; one whose size is its own enlarges the pictures of that size to it."""
     if size is not None:
         with contextlib.suppress(RaucaError):  # its size is its own; any other mistake is met again

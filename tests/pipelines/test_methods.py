@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,12 +10,14 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.stability.detectors import SmallDetector
 from benchmarks.stability.drawn import make_dataset
 from pipelines.cli import app
 from rauca_core.attack import OptimizerSettings, make_settings, optimizer
 from rauca_core.attack.methods import METHODS, settings_of
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.contract import Dataset, RaucaError, Vehicle
+from rauca_core.detect import Detector
 
 
 @pytest.fixture
@@ -44,6 +47,30 @@ def test_without_a_method_it_is_ours(chosen: Any) -> None:
 @pytest.mark.parametrize("name", METHODS)
 def test_a_method_replaces_defaults(chosen: Any, name: str) -> None:
     assert chosen("--method", name) == make_settings(**settings_of(name))
+
+
+def test_detectors_behind_a_defence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, box_vehicle: Vehicle) -> None:
+    """Those named, or the method's own panel, are attacked through it."""
+    data, seen = make_dataset(tmp_path / "data", box_vehicle, 64, (40.0,)), []
+
+    def load(name: str, *_: object, **__: object) -> Detector:
+        small = SmallDetector()
+        small.name = name
+        return small
+
+    def run(dataset: Dataset, detectors: Sequence[Detector], *_: object) -> None:
+        seen.append([detector.name for detector in detectors])
+        raise RaucaError("seen")
+
+    monkeypatch.setattr(optimizer, "load_detector", load)
+    monkeypatch.setattr(optimizer, "run_optimization", run)
+    asked = ["optimize", str(data.folder), "--out", "x", "--method", "fca", "--defence", "jpeg:quality=50"]
+    for options in ((), ("--detector", "mine")):
+        with pytest.raises(RaucaError, match="seen"):
+            CliRunner().invoke(app, [*asked, *options], catch_exceptions=False)
+    assert seen == [["yolov3-tiny+jpeg:quality=50"], ["mine+jpeg:quality=50"]]
+    with pytest.raises(RaucaError, match="defence 'fog': unknown; there are none, lgs"):
+        CliRunner().invoke(app, [*asked[:-1], "fog"], catch_exceptions=False)
 
 
 def test_typed_options_win(chosen: Any) -> None:
