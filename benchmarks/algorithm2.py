@@ -16,12 +16,12 @@ from torch import Tensor
 from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import SparseOperator, rasterize
 from rauca_core.render.facets import facet_fragments
-from rauca_core.render.kernels import njit
 from rauca_core.render.raster.pattern import pattern
 from rauca_core.render.raster.rasterize import rasterize_atlas
 from rauca_core.render.sampler import TEXTURE_SIZE
 from rauca_core.render.sparse import from_triplets
 from rauca_core.render.surface import find_surface
+from rauca_core.runtime.kernels import njit
 
 SUBSAMPLES = 2  # per pixel and axis, as published
 

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..render.kernels import njit
+from ..runtime.kernels import njit
 
 CHANNELS = 3
 

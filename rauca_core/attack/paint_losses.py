@@ -12,8 +12,8 @@ from torch import Tensor
 
 from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng
-from ..render.kernels import njit
 from ..runtime.images import read_image
+from ..runtime.kernels import njit
 from .frames import FrameStore, ReadyFrame
 from .losses import attack_loss
 from .naturalness.colors import delta_e, lab

@@ -7,15 +7,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any, Self
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from ..runtime.devices import threads
+from ..runtime.kernels import njit
 from .interface import DensePredictions, Detections, check_images, in_type_of
 
 # Per class. Greedy suppression never looks back: what it keeps among the best 4096 is what a full run keeps there.
 MAX_CANDIDATES = 4096
-BLOCK = 128  # boxes that are suppressed at once
+SMALLEST_UNION = 1e-12  # square pixels: empty boxes overlap nothing
 
 
 def box_iou(a: Tensor, b: Tensor) -> Tensor:
@@ -26,7 +27,7 @@ def box_iou(a: Tensor, b: Tensor) -> Tensor:
     area_a = (a[..., 2:] - a[..., :2]).clamp(min=0).prod(-1)
     area_b = (b[..., 2:] - b[..., :2]).clamp(min=0).prod(-1)
     union = area_a[..., :, None] + area_b[..., None, :] - shared
-    return shared / union.clamp(min=1e-12)
+    return shared / union.clamp(min=SMALLEST_UNION)
 
 
 def generalized_iou(a: Tensor, b: Tensor) -> Tensor:
@@ -51,35 +52,43 @@ def centered(boxes: Tensor) -> Tensor:
     return torch.cat([(boxes[..., :2] + boxes[..., 2:]) / 2, boxes[..., 2:] - boxes[..., :2]], -1)
 
 
-def suppress(boxes: Tensor, iou_threshold: float) -> Tensor:
+def suppress(boxes: Tensor, iou_threshold: float, labels: Tensor | None = None) -> Tensor:
     """Greedy non-maximum suppression of (N, 4) boxes sorted best first: (N,) bool, True for those kept.
 
-    A box is kept when no kept box before it overlaps it by more than ``iou_threshold``. Block after block, best first:
-    what was kept before clears a block, then the block clears itself. So the work grows with the boxes kept, not with
-    the square of all; some networks call thousands of anchors a little likely, for every class.
+    A box is kept when no kept box before it, of its own label, overlaps it by more than ``iou_threshold``.
+
+    Args:
+        labels: (N,) integers, each label's boxes together; all are of one if left out.
     """
-    kept = torch.zeros(len(boxes), dtype=torch.bool, device=boxes.device)
-    for start in range(0, len(boxes), BLOCK):
-        block = boxes[start : start + BLOCK]
-        before = boxes[:start][kept[:start]]
-        free = ~(box_iou(block, before) > iou_threshold).any(1)
-        kept[start : start + BLOCK][free] = _suppress_at_once(block[free], iou_threshold)
-    return kept
+    exact = boxes if boxes.dtype in (torch.float32, torch.float64) else boxes.float()
+    array = np.ascontiguousarray(exact.detach().cpu().numpy())
+    groups = np.zeros(len(array), np.int64) if labels is None else labels.cpu().numpy()
+    kept, kind = np.zeros(len(array), np.bool_), array.dtype.type  # constants of another type would change roundings
+    _suppress(array, groups, kind(iou_threshold), kind(0), kind(SMALLEST_UNION), kept)
+    return torch.from_numpy(kept).to(boxes.device)
 
 
-def _suppress_at_once(boxes: Tensor, iou_threshold: float) -> Tensor:
-    """The same by the overlaps of all pairs.
-
-    Starting from "all kept" and applying the rule to all boxes at once, box i is settled after at most i rounds, and
-    all in a handful.
-    """
-    overlaps = (box_iou(boxes, boxes) > iou_threshold).triu(1)
-    kept = torch.ones(len(boxes), dtype=torch.bool, device=boxes.device)
-    while True:
-        updated = ~(overlaps & kept[:, None]).any(0)
-        if torch.equal(updated, kept):
-            return kept
-        kept = updated
+@njit(cache=True, nogil=True)
+def _suppress(boxes: Any, labels: Any, threshold: Any, zero: Any, smallest: Any, kept: Any) -> None:
+    """The overlaps are those of :func:`box_iou`, NaN and endless boxes included."""
+    areas = np.maximum(boxes[:, 2] - boxes[:, 0], zero) * np.maximum(boxes[:, 3] - boxes[:, 1], zero)
+    before = np.empty(len(boxes), np.int64)  # the kept ones of the label at hand
+    count = 0
+    for i in range(len(boxes)):
+        if i > 0 and labels[i] != labels[i - 1]:
+            count = 0
+        free = True
+        for k in before[:count]:
+            width = np.minimum(boxes[i, 2], boxes[k, 2]) - np.maximum(boxes[i, 0], boxes[k, 0])
+            height = np.minimum(boxes[i, 3], boxes[k, 3]) - np.maximum(boxes[i, 1], boxes[k, 1])
+            shared = np.maximum(width, zero) * np.maximum(height, zero)
+            if shared / np.maximum(areas[i] + areas[k] - shared, smallest) > threshold:
+                free = False
+                break
+        if free:
+            kept[i] = True
+            before[count] = i
+            count += 1
 
 
 def detections(predictions: DensePredictions, score_threshold: float, iou_threshold: float) -> list[Detections]:
@@ -88,23 +97,21 @@ def detections(predictions: DensePredictions, score_threshold: float, iou_thresh
     The score is objectness times class probability; only scores above ``score_threshold`` count.
     """
     scores = predictions.objectness[..., None] * predictions.classes
-    with threads(1):  # thousands of passes too short to share: on a busy machine two threads took 20 times as long
-        return [
-            _of_one_image(boxes, image_scores, score_threshold, iou_threshold)
-            for boxes, image_scores in zip(predictions.boxes, scores, strict=True)
-        ]
+    return [
+        _of_one_image(boxes, image_scores, score_threshold, iou_threshold)
+        for boxes, image_scores in zip(predictions.boxes, scores, strict=True)
+    ]
 
 
 def _of_one_image(boxes: Tensor, scores: Tensor, score_threshold: float, iou_threshold: float) -> Detections:
     index, label = (scores > score_threshold).nonzero(as_tuple=True)
-    chosen = []
-    for category in label.unique().tolist():
-        candidates = index[label == category]
-        order = scores[candidates, category].argsort(descending=True, stable=True)
-        candidates = candidates[order[:MAX_CANDIDATES]]
-        candidates = candidates[suppress(boxes[candidates], iou_threshold)]
-        chosen.append(torch.stack([candidates, torch.full_like(candidates, category)]))
-    index, label = torch.cat(chosen, 1) if chosen else torch.stack([index, label])
+    order = scores[index, label].argsort(descending=True, stable=True)
+    order = order[label[order].argsort(stable=True)]
+    index, label = index[order], label[order]
+    place = torch.arange(len(label), device=label.device) - torch.searchsorted(label, label)
+    index, label = index[place < MAX_CANDIDATES], label[place < MAX_CANDIDATES]
+    kept = suppress(boxes[index], iou_threshold, label)
+    index, label = index[kept], label[kept]
     order = scores[index, label].argsort(descending=True, stable=True)
     index, label = index[order], label[order]
     return Detections(boxes[index], scores[index, label], label)

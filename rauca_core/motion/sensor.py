@@ -22,7 +22,7 @@ from torch.nn import functional
 from ..contract import RaucaError
 from ..contract.seeding import named_rng
 from ..render import linear_to_srgb
-from ..render.kernels import njit
+from ..runtime.kernels import njit
 
 BANK = 1 << 21  # normal draws, made once; a frame takes a part from a place of its own: drawing anew costs 3 ms
 TABLE = 4096  # intervals of the square root of light; between their ends sRGB is straight to 1e-7

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from .kernels import njit
+from ..runtime.kernels import njit
 
 _KNEE_LINEAR = 0.0031308
 _KNEE_SRGB = 0.04045

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Vehicle
-from .kernels import njit
+from ..runtime.kernels import njit
 from .mipmap import Pyramid
 from .raster.pattern import PLACES
 from .raster.rasterize import Raster

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Camera
-from .kernels import njit
+from ..runtime.kernels import njit
 from .lookup import Fragments
 from .raster.rasterize import Raster
 from .thin import Thinning, thin_row

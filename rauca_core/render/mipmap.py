@@ -18,7 +18,7 @@ from PIL import Image
 from torch import Tensor
 
 from ..contract import RaucaError, Vehicle
-from .kernels import njit
+from ..runtime.kernels import njit
 from .raster.rasterize import rasterize_atlas
 from .sparse import CHANNELS, SparseOperator, apply_many, gather, scatter, with_rows
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import RaucaError
-from .kernels import njit
+from ..runtime.kernels import njit
 
 Ints = NDArray[np.int32]
 CHANNELS = 3

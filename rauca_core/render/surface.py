@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernels import njit
+from ..runtime.kernels import njit
 from .raster.rasterize import Raster
 
 Array = NDArray[np.float64]

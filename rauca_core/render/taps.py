@@ -17,7 +17,7 @@ from torch import Tensor
 
 from ..contract import Camera, RaucaError, Vehicle
 from ..contract.files import write_bytes
-from .kernels import njit
+from ..runtime.kernels import njit
 from .lookup import Fragments
 from .merge import Rows, fill_fringe, merge_pixels
 from .mipmap import Pyramid

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernels import njit
+from ..runtime.kernels import njit
 from .mipmap import Tree
 
 _UNSEEN, _STAYS, _MERGES = 0, -1, -2  # of a parent; larger numbers count its listed children

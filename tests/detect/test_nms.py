@@ -43,11 +43,23 @@ def test_suppress_is_greedy(count: int, seed: int, threshold: float) -> None:
     assert suppress(boxes, threshold).nonzero()[:, 0].tolist() == plain_nms(boxes.tolist(), threshold)
 
 
-def test_suppress_settles_long_chains() -> None:
-    """Each box overlaps only its neighbors, so every second one survives: the slowest case for the rounds."""
-    left = torch.arange(50.0)[:, None] * 5
-    boxes = torch.cat([left, torch.zeros(50, 1), left + 10, torch.full((50, 1), 10.0)], 1)
-    assert suppress(boxes, 0.3).nonzero()[:, 0].tolist() == list(range(0, 50, 2))
+@pytest.mark.parametrize("kind", [torch.float32, torch.float64, torch.bfloat16])
+def test_suppression_goes_by_the_very_overlaps_of_box_iou(kind: torch.dtype) -> None:
+    """Of each label by itself, and where boxes are empty, inverted, endless or no numbers."""
+    boxes = random_boxes(400, 5)
+    boxes[::7, 2:] = boxes[::7, :2]
+    boxes[3::11, 2:] -= 70
+    boxes[5::13, 2] = torch.inf
+    boxes[8::17, 1] = torch.nan
+    boxes, labels = boxes.to(kind), torch.arange(400) // 150
+    exact = boxes.float() if kind is torch.bfloat16 else boxes
+    overlaps = (box_iou(exact, exact) > 0.3) & (labels[:, None] == labels)
+    kept: list[int] = []
+    for index in range(400):
+        if not overlaps[index, kept].any():
+            kept.append(index)
+    assert suppress(boxes, 0.3, labels).nonzero()[:, 0].tolist() == kept
+    assert 50 < len(kept) < 350
 
 
 def test_box_iou_matches_the_plain_formula() -> None:

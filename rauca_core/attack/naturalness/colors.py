@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ...render import srgb_to_linear
-from ...render.kernels import njit
+from ...runtime.kernels import njit
 
 # IEC 61966-2-1: linear sRGB to XYZ; rows are divided by the white point, so that white is exactly (100, 0, 0).
 XYZ = np.array(

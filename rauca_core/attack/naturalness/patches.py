@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from ...contract import Vehicle
 from ...contract.seeding import named_rng
 from ...render import Pyramid
-from ...render.kernels import njit
 from ...render.onto_atlas import read_on_atlas
 from ...render.surface import Surface
+from ...runtime.kernels import njit
 
 Array = NDArray[np.float64]
 REACH, GAP_M = 2.0, 0.02  # steps of the map, metres: charts closer than the larger are joined, and panels beside a gap

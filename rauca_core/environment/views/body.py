@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ...contract import Camera, Vehicle
 from ...contract.semantics import CLASS_IDS
 from ...render import rasterize
-from ...render.kernels import njit
 from ...render.raster.pattern import Pattern, filter_table, pattern
 from ...render.surface import bilinear_mask
+from ...runtime.kernels import njit
 
 SAMPLES = 4  # per pixel and axis
 _CLASSES = {"paint": "paint", "glass": "glass", "tyre": "tyre"}  # of a material's kind; all others: vehicle_part

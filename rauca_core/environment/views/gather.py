@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...render.kernels import njit
+from ...runtime.kernels import njit
 from .lens import NEAR_M, Image, Lens, project
 from .sources import SAME_POINT, Sources
 

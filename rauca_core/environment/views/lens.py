@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...contract import Camera
-from ...render.kernels import njit
+from ...runtime.kernels import njit
 
 FAR_M = 1e5  # where the sky is
 NEAR_M = 0.02

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...render.kernels import njit
+from ...runtime.kernels import njit
 from .lens import FAR_M, NEAR_M, Image, Lens, Mask, project
 
 SAME_POINT = 0.02  # of the depth, by which two views of one point may differ

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...contract import Camera, RaucaError
-from ..kernels import njit
+from ...runtime.kernels import njit
 from .pattern import Pattern
 from .pattern import pattern as pattern_of
 from .scanline import draw

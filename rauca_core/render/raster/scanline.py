@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels import njit
+from ...runtime.kernels import njit
 from .triangles import BROKEN, DEPTH_TIE, FRACTION, HALF, LIMIT, ONE, Screen, Window, clip_faces, project
 
 FEW = 16  # a box of so few samples is tested one by one, a larger one row by row

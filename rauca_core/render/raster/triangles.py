@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...contract import Camera
-from ..kernels import njit
+from ...runtime.kernels import njit
 from .pattern import Pattern
 
 FRACTION = 16

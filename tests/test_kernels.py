@@ -11,12 +11,12 @@ from typing import Any
 import numba
 import pytest
 
-from rauca_core.render import kernels
+from rauca_core.runtime import kernels
 
 HOUSE = Path(kernels.__file__).parents[1]
 FILES = {
     "outer.py": """
-from rauca_core.render.kernels import njit
+from rauca_core.runtime.kernels import njit
 from .inner import twice
 from . import spare
 
@@ -25,7 +25,7 @@ def outer(x):
     return twice(x) + 1
 """,
     "inner.py": """
-from rauca_core.render.kernels import njit
+from rauca_core.runtime.kernels import njit
 from .constants import FACTOR
 
 @njit(cache=True)

@@ -18,7 +18,8 @@ from typing import Any
 
 import numba
 
-RENDER = Path(__file__).parent
+RUNTIME = Path(__file__).parent
+RENDER = RUNTIME.parent / "render"
 _LOCK = threading.Lock()  # threads may import kernels at the same time, and numba's setting is everyone's
 
 
@@ -47,7 +48,7 @@ def cache_folder(package: Path, chosen: str = "") -> Path:
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted({*RENDER.rglob("*.py"), *package.glob("*.py")}):
         digest.update(path.read_bytes())
-    root = Path(chosen) if chosen else RENDER / "__pycache__"
-    if not chosen and not os.access(RENDER, os.W_OK):
+    root = Path(chosen) if chosen else RUNTIME / "__pycache__"
+    if not chosen and not os.access(RUNTIME, os.W_OK):
         root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rauca" / "kernels"
     return root / digest.hexdigest()[:16]
