@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 def all_blocks() -> list[bpy.types.ID]:
     """Every data block of the session."""
-    collections = [p.identifier for p in bpy.data.bl_rna.properties if p.type == "COLLECTION"]
+    kinds = [p.identifier for p in bpy.data.bl_rna.properties if p.type == "COLLECTION"]
+    collections = [kind for kind in kinds if kind != "all_ids"]  # Blender 5.3 lists all of them there once more
     return [block for name in collections for block in getattr(bpy.data, name)]
 
 
