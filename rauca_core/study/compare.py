@@ -76,7 +76,8 @@ class Compared:
     @cached_property
     def scores(self) -> Scores:
         """AP of every row and detector under every entry, with all places and without each."""
-        return score_rows(self.entries, self.rows)
+        given = frozenset(row for row in self.rows if not self.attacked[row])
+        return replace(score_rows(self.entries, self.rows), given=given)
 
     @property
     def against(self) -> frozenset[str]:

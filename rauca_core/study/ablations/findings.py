@@ -96,10 +96,12 @@ class Scores:
     Attributes:
         curves: ``curves[weathers][row][detector]``, (S, 1 + C) for a row's S seeds.
         frames: under each set of weathers.
+        given: rows that nobody optimized here, and that are what they are: they need no second seed.
     """
 
     curves: Mapping[str, Mapping[str, Mapping[str, Curve]]]
     frames: Mapping[str, int]
+    given: frozenset[str] = frozenset((NORMAL, RANDOM))
 
     @property
     def weathers(self) -> tuple[str, ...]:
@@ -123,9 +125,9 @@ class Scores:
         return chance_of(self._paired(row, less, detectors, weathers), self._views(weathers))
 
     def seeds(self, *rows: str) -> int:
-        """The fewest optimizations of some rows; paints that nobody optimized need no second."""
+        """The fewest optimizations of some rows, less those that are given."""
         any_curves = self.curves[self.weathers[0]]
-        counts = [len(next(iter(any_curves[row].values()))) for row in rows if row not in (NORMAL, RANDOM)]
+        counts = [len(next(iter(any_curves[row].values()))) for row in rows if row not in self.given]
         return min(counts, default=SEEDS_NEEDED)
 
     def _paired(self, row: str, less: str, detectors: Sequence[str], weathers: Sequence[str]) -> Curve:
