@@ -13,6 +13,7 @@ from ..detect.interface import Detector
 from ..detect.load import load_detector
 from ..detect.synth.card import DetectorCard, as_detector, load_network, load_weights, save_weights
 from ..detect.synth.darknet_student import DarknetStudent
+from ..detect.synth.networks import is_darknet
 
 ELSEWHERE = (
     "train it by its own trainer on `rauca dataset export DIR --format yolo --out OUT --camouflage FILE`, and measure "
@@ -44,6 +45,15 @@ class Origin:
     def suffix(self) -> str:
         """Of the files that hold its hardened weights; none where that is a folder."""
         return ".safetensors"
+
+    @property
+    def keeps(self) -> bool:
+        """Whether the network as it was answers for all but the vehicles that may wear paint.
+
+        Taught that parked lorries and buses are there as well, yolov4-tiny came to see more of them than before, and
+        other things as such. Detectors of our own learn them as in their first training.
+        """
+        return is_darknet(self.card.name)
 
     def detector(self) -> Detector:
         """The detector before it is hardened."""

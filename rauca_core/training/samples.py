@@ -84,10 +84,11 @@ class Samples:
         frames: data sets with light maps.
         class_names: what is annotated; other vehicles stay unmarked, as background.
         size: S of an image, pixels.
+        alone: annotate the frames' own vehicles and none that stand around.
     """
 
-    def __init__(self, frames: LightFrames, class_names: Sequence[str], size: int) -> None:
-        self.frames, self.size = frames, size
+    def __init__(self, frames: LightFrames, class_names: Sequence[str], size: int, alone: bool = False) -> None:
+        self.frames, self.size, self._alone = frames, size, alone
         self.class_names = tuple(class_names)
 
     def plain(self, index: int, rng: np.random.Generator) -> Sample:
@@ -116,7 +117,8 @@ class Samples:
         """Boxes of the frame's vehicles that have a class."""
         frame = self.frames.places[index].frame
         own = self.frames.vehicle(index).category
-        marked = [(own, frame.box_xyxy), *((i.category, i.box_xyxy) for i in frame.instances)]
+        around = () if self._alone else frame.instances
+        marked = [(own, frame.box_xyxy), *((i.category, i.box_xyxy) for i in around)]
         known = [(self.class_names.index(name), box) for name, box in marked if name in self.class_names]
         boxes = torch.tensor([box for _, box in known], dtype=torch.float32).view(-1, 4)
         return Truth(boxes, torch.tensor([label for label, _ in known], dtype=torch.int64))

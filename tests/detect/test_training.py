@@ -115,6 +115,12 @@ def test_boxes_stay_on_their_pixels(folder, number, monkeypatch):
         assert np.abs(np.array(found, float) - [left, top, right, bottom]).max() < 2
 
 
+def test_what_stands_around_is_marked_or_not(folder):
+    names, frames = ("car", "truck"), LightFrames([folder])
+    assert Samples(frames, names, SIZE).truth(0).labels.tolist() == [0, 1]
+    assert Samples(frames, names, SIZE, alone=True).truth(0).labels.tolist() == [0]
+
+
 def test_paint_is_plain():
     for number in range(40):
         rng = named_rng("paint", number)
@@ -194,7 +200,7 @@ def test_a_round_that_died_in_its_test_is_reported_once(folder, tmp_path, backbo
 
 
 def test_fit_leaves_a_detector_and_its_card(folder, tmp_path, backbone, monkeypatch, box_vehicle):
-    monkeypatch.setattr(fitting, "_yolo_backbone", lambda: backbone)
+    monkeypatch.setattr(fitting, "fetch", lambda name: backbone)
     ball = draw_dataset(tmp_path / "ball", dataclasses.replace(box_vehicle, name="ball"), category="shape").folder
     settings = DetectorSettings.make(**(TINY | {"steps": 2, "round": 1, "fewest": 2}))
     wanted = Fit(
@@ -243,7 +249,7 @@ def _rename(path: Path) -> None:
 
 
 def test_a_training_goes_on_with_its_own_classes(folder, tmp_path, backbone, monkeypatch, box_vehicle):
-    monkeypatch.setattr(fitting, "_yolo_backbone", lambda: backbone)
+    monkeypatch.setattr(fitting, "fetch", lambda name: backbone)
     boats = draw_dataset(tmp_path / "boats", dataclasses.replace(box_vehicle, name="boat"), category="boat").folder
     settings = DetectorSettings.make(**(TINY | {"steps": 2, "round": 2}))
     trucks = Fit(
@@ -287,7 +293,7 @@ def _damage(path: Path) -> None:
 
 
 def test_mistakes_are_named_before_any_training(folder, tmp_path, box_vehicle, backbone, monkeypatch):
-    monkeypatch.setattr(fitting, "_yolo_backbone", lambda: backbone)
+    monkeypatch.setattr(fitting, "fetch", lambda name: backbone)
     settings = DetectorSettings.make(**TINY)
     good = Fit(name="frcnn-synth", datasets=[folder], out=tmp_path / "run", settings=settings, score=score)
     dark = draw_dataset(tmp_path / "dark", box_vehicle, light=False).folder

@@ -1,8 +1,8 @@
 """What a detector of other people's learns by: truth where a vehicle stands, everywhere else what it said before.
 
-The data marks vehicles alone. Taught on it as if nothing else existed, a detector of 80 classes would forget most of
-them; the network as it was therefore answers for all predictions that lie on no vehicle (learning without forgetting;
-Li and Hoiem, 2017).
+The data marks the vehicles that may wear paint, alone. Taught on it as if nothing else existed, a detector of 80
+classes would forget most of them; the network as it was therefore answers for all predictions that lie on no vehicle
+(learning without forgetting; Li and Hoiem, 2017).
 """
 
 from __future__ import annotations
