@@ -34,4 +34,7 @@ def compare(studies: Studies, out: Out = Path("compared.html"), rows: Rows = "",
         told = found.by_part(row).values()
         shown.add_row(row, *("–" if one is None else f"{one.ap:.3f} [{one.low:.2f}, {one.high:.2f}]" for one in told))
     output().print(shown)
+    titles = {row: row for row in found.rows}
+    for verdict in found.verdicts(lowest) if lowest else ():
+        output().print(verdict.sentence(titles), highlight=False, soft_wrap=True)
     console.print(f"comparison: {pages[0]}", highlight=False, soft_wrap=True)

@@ -145,6 +145,7 @@ def test_the_command_takes_rows_and_tells_them(study: Study, tmp_path: Path) -> 
     assert shown.exit_code == 0
     assert "family of an" in shown.output
     assert "random" not in shown.output
+    assert "ours below normal: " in shown.output
     assert "Is ours below the others?" in whole_page(out).text
 
 
