@@ -22,8 +22,8 @@ Lowest = Annotated[str, typer.Option(help="row that is claimed to be below all o
 def compare(studies: Studies, out: Out = Path("compared.html"), rows: Rows = "", lowest: Lowest = "") -> None:
     """Hold camouflages of finished studies against each other; `NAME s0`, `NAME s1` ... are seeds of one row."""
     from rauca_core.report import Study, write_compared
-    from rauca_core.study.compare import PARTS
     from rauca_core.study.compare import compare as run
+    from rauca_core.study.parts import PARTS
 
     names = [folder.name for folder in studies]
     alike = len(set(names)) < len(names)

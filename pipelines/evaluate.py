@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from rich.table import Table
 
 import rauca_core as rauca
 from rauca_core.contract import RaucaError
@@ -17,6 +16,7 @@ from rauca_core.contract.clips import clips_asked
 from .clip_options import ClipFrames, ClipNames, FrameRate, Readout, Shutter, Speed, Tracker, show_drives, write_drives
 from .console import command_line, console, output
 from .options import Blender, Device, JsonProgress, RenderDevice, Slurm, means_of, numbers, split_names
+from .tables import print_table
 
 if TYPE_CHECKING:
     from rauca_core.study.study import Study
@@ -151,15 +151,11 @@ def split_defences(given: Sequence[str] | None) -> list[str]:
 
 
 def _print(study: Study, out: Path) -> None:
-    """AP of every entry, a table each."""
-    wide = output()
-    for entry in study.entries:
-        table = entry.results.table
-        title = f"{entry.vehicle}, {entry.weathers}, defence {entry.defence}: AP@0.5 of class {entry.category}"
-        shown = Table("paint", *next(iter(table.values())), title=title)
-        for paint, row in table.items():
-            shown.add_row(paint, *(f"{e.ap:.3f} [{e.low:.2f}, {e.high:.2f}]" for e in row.values()))
-        wide.print(shown)
+    """The tables of the study's page."""
+    from rauca_core.report.study_tables import tables_of
+
+    for table in tables_of(study):
+        print_table(table)
     places = {entry.results.places for entry in study.entries}
-    wide.print(f"in brackets: 95 % interval over {', '.join(sorted(places))}")
+    output().print(f"in brackets: 95 % interval over {', '.join(sorted(places))}")
     console.print(f"study: {out}", highlight=False, soft_wrap=True)

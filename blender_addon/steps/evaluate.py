@@ -19,7 +19,7 @@ from ..preferences import asks_for_python, draw_detectors, draw_python, lacks_py
 from ..scene.vehicle import NAME_KEY
 from . import cost
 from .camouflage.evaluation import NORMAL, STUDY
-from .camouflage.found import MEAN, Found, read_found
+from .camouflage.found import Found, read_found
 from .camouflage.painted_vehicle import vehicle_for
 from .job_panel import draw_buttons, draw_told, job_state, shown_job
 from .on_disk import ask, camouflage_at, chosen_path, forget
@@ -150,7 +150,7 @@ def doing_words(title: str) -> str:
 
 def _headline(told: list[Found]) -> str:
     first = told[0]
-    if first.by == MEAN:
+    if first.mean:
         others = [(paint, ap) for paint, ap in first.worn.items() if paint != NORMAL]
         paint, ap = others[0] if others else (NORMAL, first.worn[NORMAL])
         words = iface("Found {plain:.0%} in its own paint, {worn:.0%} in {paint}")
@@ -189,9 +189,15 @@ def _draw_table(context: bpy.types.Context, layout: bpy.types.UILayout, told: li
         "normal": iface("Own Paint"), "clean": iface("Own Paint"), "random": iface("Random"),
         "transfer": iface("Others'"), "white_box": iface("Against It"),
     }  # fmt: skip
+    parts = {
+        "took no part": iface("Detectors that took no part in the attack"),
+        "family of an attacked one": iface("Relatives of an attacked one"),
+        "attacked": iface("Detectors that were attacked"),
+        "this project's own": iface("Detectors of this project"),
+    }
     box = layout.box().column(align=True)
     for found in told:
-        box.label(text=iface("On average") if found.by == MEAN else found.by, translate=False)
+        box.label(text=parts[found.by] if found.mean else found.by, translate=False)
         for paint, ap in found.worn.items():
             line = box.split(factor=0.75)
             line.label(text=names.get(paint, paint), icon="BLANK1", translate=False)

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
@@ -128,5 +127,6 @@ def _numbers(weight: Tensor | NDArray[np.float32], bias: Tensor | NDArray[np.flo
 
     Its shape is left out: a convolution of one pixel has two axes in a fused graph and four in the file.
     """
-    given = (torch.as_tensor(one).detach().cpu().numpy() for one in (weight, bias) if one is not None)
-    return b"|".join(array.tobytes() for array in given)
+    given = (one for one in (weight, bias) if one is not None)
+    arrays = (one.detach().cpu().numpy() if isinstance(one, Tensor) else one for one in given)
+    return b"|".join(array.tobytes() for array in arrays)

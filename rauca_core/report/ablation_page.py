@@ -11,14 +11,15 @@ from ..study.ablations.findings import Findings, Outcome, Scores, Verdict
 from ..study.candidates import NORMAL, RANDOM
 from ..study.detectors import in_table_order
 from ..study.intervals import SEEDS_NEEDED
-from ..study.results import MEAN, Estimate
+from ..study.parts import leading
+from ..study.results import Estimate
 from ..study.study import Entry
 from .figures import paint_styles
 from .frames import FramePicker, Grid, Picture
 from .page import write_study_page
 from .pictures import maps_of
 from .published import PaperTable, paper_tables
-from .study_tables import detector_columns, sourced, unique, weathers_title
+from .study_tables import average_columns, detector_columns, sourced, unique, weathers_title
 from .table import AVERAGE, Block, Cell, Column, Row, Source, Table, listing
 
 _MARKS: dict[Outcome, str] = {"confirmed": "✓", "refuted": "✗", "undecided": "?"}
@@ -81,13 +82,14 @@ def _main_table(found: Findings, scores: Scores) -> Table:
         for row, title in found.titles.items():
             attacked = found.attacked if row not in (NORMAL, RANDOM) else ()
             cells = [_cell(found, scores, row, entry, [name], name in attacked) for name in names]
-            rows.append(Row(title, (*cells, _cell(found, scores, row, entry, found.detectors))))
+            means = [_cell(found, scores, row, entry, some) for some in found.parts.values()]
+            rows.append(Row(title, (*cells, *means)))
         blocks.append(Block(weathers_title(entry.weathers), tuple(rows)))
-    left_out = " but this project's own" if len(found.detectors) < len(names) else ""
     repeats = f", mean of {found.seeds} optimizations" if found.seeds > 1 else ""
     category = found.study.entries[0].category.capitalize()
-    caption = f"{category} AP@0.5{repeats}; the average is over all detectors{left_out}."
-    columns = (*detector_columns(names, found.attacked), Column(AVERAGE))
+    part, deciding = leading(found.parts)
+    caption = f"{category} AP@0.5{repeats}. What decides is the mean over {', '.join(deciding)} ({part})."
+    columns = (*detector_columns(names, found.attacked), *average_columns(found.parts))
     return Table(f"ablation-{found.experiment.name}", found.experiment.title, caption, columns, tuple(blocks))
 
 
@@ -101,9 +103,8 @@ def _cell(
 ) -> Cell:
     """AP of a row; where it is a mean, its source is what holds all of its parts."""
     estimate, paints = scores.ap(row, detectors, [entry.weathers]), found.paints[row]
-    every = list(detectors) == list(entry.results.detectors)
-    column = [detectors[0]] if len(detectors) == 1 else [MEAN] if every else []
-    keys = ("table", paints[0], *column) if len(paints) == 1 else ("table",)
+    alone = len(paints) == 1
+    keys = ("table", *(paints if alone else ()), *(detectors if alone and len(detectors) == 1 else ()))
     return sourced(estimate, entry, *keys, white_box=white_box)
 
 
@@ -119,7 +120,10 @@ def _beside_table(found: Findings, scores: Scores, paper: PaperTable) -> Table:
         *(Column(weathers_title(entry.weathers), "measured here") for entry in entries),
         *(Column(block.title or "its views", f"the paper's Table {paper.number}") for block in blocks),
     ]
-    caption = "AP@0.5 averaged over detectors: ours and the paper's. Compare the order and the gaps, not the digits."
+    caption = (
+        "AP@0.5 averaged over detectors: ours over those whose mean decides, the paper's over its own. Compare the "
+        "order and the gaps, not the digits."
+    )
     key = f"beside-{found.experiment.name}"
     return Table(key, "Beside the paper", caption, tuple(columns), (Block("", tuple(rows)),))
 
@@ -188,7 +192,7 @@ def _told(settings: Mapping[str, Any]) -> str:
 def _about(found: Findings, verdicts: Sequence[Verdict]) -> dict[str, Any]:
     return {
         "experiment": found.experiment.name,
-        "detectors_of_average": found.detectors,
+        "detectors_that_decide": found.detectors,
         "attacked": list(found.attacked),
         "paints": {row: list(paints) for row, paints in found.paints.items()},
         "verdicts": [

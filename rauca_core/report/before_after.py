@@ -33,7 +33,7 @@ def before_after(entry: Entry, detector: str) -> Image.Image | None:
     Raises:
         RaucaError: an image or its detections are missing, or have changed since.
     """
-    results, recorded, after = entry.results, Recorded(entry), strongest_paint(entry.results)
+    results, recorded, after = entry.results, Recorded(entry), strongest_paint(entry)
     before = next(filter(is_normal, results.paints), None)
     if before is None:
         return None

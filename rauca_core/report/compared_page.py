@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..study.ablations.findings import Comparison
-from ..study.compare import PARTS, Compared
+from ..study.compare import Compared
 from ..study.detectors import in_table_order
 from ..study.intervals import SEEDS_NEEDED
+from ..study.parts import PARTS
 from ..study.results import Estimate
 from ..study.study import Study
 from .figures import GREY, OCHRE, PALETTE, Style, intervals_svg

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import fmean
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,8 @@ from ..contract import RaucaError
 from ..contract.files import file_digest
 from ..study.average_precision import best_score
 from ..study.detection_cache import Found
-from ..study.results import MEAN, Results
+from ..study.parts import leading
+from ..study.results import Results
 from ..study.scores import Recorded
 from ..study.study import Entry
 from .pictures import frame_picture
@@ -24,11 +26,15 @@ FEW = ("best", "median", "worst")
 PICTURE_THRESHOLD = 0.25
 
 
-def strongest_paint(results: Results) -> str:
-    """The camouflage with the lowest AP, mean over detectors; without any, random paint, else the vehicle's own."""
+def strongest_paint(entry: Entry) -> str:
+    """The camouflage with the lowest AP; without any, random paint, else the vehicle's own.
+
+    The mean is over the detectors farthest from the attacks (`study/parts.py`).
+    """
+    results, detectors = entry.results, leading(entry.parts)[1]
     paints = [paint for paint in results.paints if not is_normal(paint)]
     rivals = [paint for paint in paints if not is_random(paint)] or paints or list(results.paints)
-    return min(rivals, key=lambda paint: results.table[paint][MEAN].ap)
+    return min(rivals, key=lambda paint: fmean(results.table[paint][name].ap for name in detectors))
 
 
 def frame_scores(results: Results, recorded: Recorded, paint: str) -> NDArray[np.float64]:
@@ -79,7 +85,7 @@ class FramePicker:
 
     def __init__(self, entries: Sequence[Entry]) -> None:
         self._entries = entries
-        self._paint = strongest_paint(entries[0].results)
+        self._paint = strongest_paint(entries[0])
         self._places = tuple(PLACES) if len(entries) == 1 else FEW
         self._frames = [frame for entry in entries for frame in self._choose(entry)]
 
@@ -126,7 +132,7 @@ class FramePicker:
     def _choose(self, entry: Entry) -> list[tuple[Entry, Recorded, str, int]]:
         paint, recorded = self._paint, Recorded(entry)
         if paint not in entry.results.paints:
-            paint = strongest_paint(entry.results)
+            paint = strongest_paint(entry)
         chosen = placed_frames(frame_scores(entry.results, recorded, paint), self._places)
         return [(entry, recorded, place, index) for place, index in zip(self._places, chosen, strict=True)]
 

@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from ..contract.files import file_digest, write_bytes
 from ..study.detectors import family_of, in_table_order, is_own
-from ..study.study import Study, white_box_of
+from ..study.study import Study
 from ..version import __version__
 from .figures import Style, color_rules, curve_svg, is_ring, themed, themed_color
 from .study_tables import defence_title, unique, vehicles_of, weathers_title
@@ -157,7 +157,7 @@ def _detectors(study: Study) -> Table:
     prints = {name: value for entry in study.entries for name, value in entry.results.detectors.items()}
     against: dict[str, list[str]] = {}
     for entry in study.entries:
-        for paint, names in white_box_of(entry).items():
+        for paint, names in entry.against.items():
             for name in names:
                 against.setdefault(name, []).append(paint)
     rows = []

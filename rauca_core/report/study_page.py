@@ -14,21 +14,22 @@ from ..study import evaluate as evaluation
 from ..study import study as measured
 from ..study.defences import NO_DEFENCE
 from ..study.detectors import family_of, in_table_order
-from ..study.results import MEAN, Results
-from ..study.study import Entry, white_box_of
+from ..study.parts import ATTACKED, leading
+from ..study.results import Estimate
+from ..study.scores import Recorded
+from ..study.study import Entry
 from .before_after import before_after
 from .figures import curve_svg, history_svg, paint_styles
 from .frames import FramePicker, strongest_paint
 from .page import write_study_page
 from .pictures import maps_of, sheet_of
 from .published import paper_tables
-from .study_tables import curves_of, defence_title, tables_of, unique, vehicles_of, weathers_title
+from .study_tables import averaged_over, curves_of, defence_title, tables_of, unique, vehicles_of, weathers_title
 from .table import is_normal, is_random, printed
 
 P = ParamSpec("P")
 MAX_PICTURES = 100  # keeps the page's size in hand, about 15 kB each
 HERO = "before-after.jpg"
-AROUND = "mean over detectors, 95 % intervals"
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,7 @@ def write_report(study: measured.Study, out: Path, notes: ReportNotes | None = N
         "papers": {key: papers[kind] for kind, key in last_of_kind.items() if kind in papers},
         "curves": {weathers_title(weathers): some for weathers, some in curves.items() if some},
         "sets": len(curves),
+        "averaged": averaged_over(study.entries[0]),
         "maps": maps_of(study.entries),
         "history": history_svg(notes.histories) if notes.histories else "",
         **_pictures(study),
@@ -157,26 +159,23 @@ def headline(study: measured.Study) -> list[str]:
 
 
 def _sentence(entry: Entry) -> str:
-    results = entry.results
-    where = f"{weathers_title(entry.weathers).capitalize()}: "
+    results, (_, detectors), recorded = entry.results, leading(entry.parts), Recorded(entry)
+    where, of = f"{weathers_title(entry.weathers).capitalize()}: ", averaged_over(entry)
     normal = next(paint for paint in results.paints if is_normal(paint))
-    best = strongest_paint(results)
-    if best == normal:
-        return f"{where}{entry.category} AP@0.5, mean over detectors: {_mean(results, normal)} for {normal}."
-    before, after = results.table[normal][MEAN], results.table[best][MEAN]
     # Random paint alone lowers AP too: no result should be read without it.
-    randoms = [paint for paint in results.paints if is_random(paint) and paint != best]
+    best = strongest_paint(entry)
+    told = dict.fromkeys((normal, *filter(is_random, results.paints), best))
+    means: dict[str, Estimate] = {paint: recorded.mean_over(detectors, paint) for paint in told}
+    before, after = means[normal], means[best]
+    values = ", ".join(f"{printed(mean.ap)} for {paint}" for paint, mean in means.items())
+    if best == normal:
+        return f"{where}{entry.category} AP@0.5, {of}: {values}."
     verb = "lowers" if after.ap < before.ap else "does not lower"
-    values = [f"{_mean(results, paint)} for {paint}" for paint in (normal, *randoms, best)]
-    cautions = [f", no lower than {paint}" for paint in randoms if after.ap >= results.table[paint][MEAN].ap]
+    randoms = [paint for paint in means if is_random(paint) and paint != best]
+    cautions = [f", no lower than {paint}" for paint in randoms if after.ap >= means[paint].ap]
     if after.high >= before.low and before.high >= after.low:
         cautions.append(f"; the intervals of {normal} and {best} overlap")
-    mean = f"(mean over {_count(len(results.detectors), 'detector')})"
-    return f"{where}{best} {verb} {entry.category} AP@0.5 {mean}: {', '.join(values)}{''.join(cautions)}."
-
-
-def _mean(results: Results, paint: str) -> str:
-    return printed(results.table[paint][MEAN].ap)
+    return f"{where}{best} {verb} {entry.category} AP@0.5, {of}: {values}{''.join(cautions)}."
 
 
 def _pictures(study: measured.Study) -> dict[str, Any]:
@@ -192,8 +191,7 @@ def _pictures(study: measured.Study) -> dict[str, Any]:
 def _shown_detectors(entries: Sequence[Entry]) -> list[str]:
     """Those that were attacked, then the first of every other family."""
     names = in_table_order(list(entries[0].results.detectors))
-    met = {name for entry in entries for against in white_box_of(entry).values() for name in against}
-    attacked = [name for name in names if name in met]
+    attacked = [name for name in names if any(name in entry.parts.get(ATTACKED, ()) for entry in entries)]
     families = {family_of(name) for name in attacked}
     others = [next(n for n in names if family_of(n) == f) for f in unique(map(family_of, names)) if f not in families]
     return [*attacked, *others]
@@ -225,7 +223,8 @@ def save_showcase(study: measured.Study, folder: Path) -> list[Path]:
     files |= {f"map-{camouflage.name}.jpg": jpeg for camouflage, jpeg in maps_of([entry])}
     styles = paint_styles(entry.results.paints)
     curves = {curve.key.partition("-")[0]: curve for curve in curves_of(study)[entry.weathers]}
-    files |= {f"ap-{name}.svg": curve_svg(curve, styles, legend=AROUND).encode() for name, curve in curves.items()}
+    around = f"{averaged_over(entry)}, 95 % intervals"
+    files |= {f"ap-{name}.svg": curve_svg(curve, styles, legend=around).encode() for name, curve in curves.items()}
     for name, data in files.items():
         write_bytes(folder / name, data)
     return [folder / name for name in ("grid.jpg", *([HERO] if hero else []), *files)]

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from ..study.defences import NO_DEFENCE
 from ..study.detectors import family_of, in_table_order, is_own
-from ..study.results import AXES, MEAN, Estimate
+from ..study.parts import ATTACKED, OWN, RELATIVE, TOOK_NO_PART, leading, parts_of
+from ..study.results import AXES, Estimate
 from ..study.scores import Recorded
-from ..study.study import Entry, Study, white_box_of
+from ..study.study import Entry, Study
 from .table import AVERAGE, Block, Cell, Column, Row, Source, Table
 
-PUBLISHED = "pre-trained"  # the average without the detectors of this project, which have seen its images
 AXIS_TITLES = {
     "azimuth_deg": "Azimuth (°), 0 = front",
     "elevation_deg": "Camera elevation (°)",
     "distance_m": "Distance (m)",
     "sun_altitude_deg": "Sun altitude (°)",
     "fog_density": "Fog density (CARLA, 0-100)",
+}
+_WHICH = {
+    TOOK_NO_PART: "that took no part in the attacks",
+    RELATIVE: "of an attacked one's family",
+    ATTACKED: "among the attacked",
+    OWN: "of this project's own",
 }
 _DEFENCES = {NO_DEFENCE: "No defence", "lgs": "LGS", "pad": "PAD", "jpeg": "JPEG", "bits": "Bit depth"}
 
@@ -52,6 +58,11 @@ def detector_columns(names: Sequence[str], attacked: Iterable[str]) -> tuple[Col
     return tuple(Column(name, family_of(name), is_own(name), name in met) for name in names)
 
 
+def average_columns(parts: Mapping[str, Sequence[str]]) -> tuple[Column, ...]:
+    """A column per part that detectors had in the attacks, under one heading."""
+    return (Column(AVERAGE),) if len(parts) == 1 else tuple(Column(part, AVERAGE) for part in parts)
+
+
 def tables_of(study: Study) -> list[Table]:
     """Every table that the study has numbers for."""
     vehicles = vehicles_of(study)
@@ -83,33 +94,32 @@ def _by_defence(study: Study, vehicle: str) -> Table:
 def _table(key: str, title: str, what: str, study: Study, vehicle: str, blocks: Sequence[tuple[str, Entry]]) -> Table:
     """AP of paints and detectors of one of the study's vehicles, a block per (title, entry)."""
     names = in_table_order(unique(name for _, entry in blocks for name in entry.results.detectors))
-    attacked = [name for _, entry in blocks for names in white_box_of(entry).values() for name in names]
-    published = [name for name in names if not is_own(name)]
-    if len(published) in (0, len(names)):
-        averages = [Column(AVERAGE)]
-    else:
-        averages = [Column("all", AVERAGE), Column(PUBLISHED, AVERAGE)]
-    drawn = [Block(heading, _rows(entry, names, published, len(averages) > 1)) for heading, entry in blocks]
+    attacked = [name for _, entry in blocks for names in entry.against.values() for name in names]
+    parts = parts_of(names, attacked)
+    drawn = [Block(heading, _rows(entry, names, parts)) for heading, entry in blocks]
     category = blocks[0][1].category.capitalize() if blocks else ""
     caption = f"{category} AP@0.5 of the {vehicle}, {what}."
     of = ("", "") if len(vehicles_of(study)) == 1 else (f"-{vehicle}", f": {vehicle}")
-    return Table(key + of[0], title + of[1], caption, (*detector_columns(names, attacked), *averages), tuple(drawn))
+    columns = (*detector_columns(names, attacked), *average_columns(parts))
+    return Table(key + of[0], title + of[1], caption, columns, tuple(drawn))
 
 
-def _rows(entry: Entry, names: Sequence[str], published: Sequence[str], split: bool) -> tuple[Row, ...]:
-    against, recorded = white_box_of(entry), Recorded(entry)
-    here = [name for name in published if name in entry.results.detectors]
+def _rows(entry: Entry, names: Sequence[str], parts: Mapping[str, Sequence[str]]) -> tuple[Row, ...]:
+    against, recorded, here = entry.against, Recorded(entry), entry.results.detectors
     rows = []
     for paint in entry.results.paints:
-        cells = [_cell(entry, paint, name, name in against.get(paint, ())) for name in (*names, MEAN)]
-        if split:
-            cells.append(sourced(recorded.mean_over(here, paint), entry, "table", paint) if here else None)
+        cells = [_cell(entry, paint, name, name in against.get(paint, ())) for name in names]
+        for part, some in parts.items():
+            # What a camouflage attacked is what counts as attacked for it; a paint that attacked nothing meets all.
+            met = against.get(paint, some) if part == ATTACKED else some
+            averaged = [name for name in some if name in here and name in met]
+            cells.append(sourced(recorded.mean_over(averaged, paint), entry, "table", paint) if averaged else None)
         rows.append(Row(paint, tuple(cells)))
     return tuple(rows)
 
 
 def _cell(entry: Entry, paint: str, detector: str, white_box: bool = False) -> Cell | None:
-    """The cell of a paint and a detector (or ``"mean"``); None where the entry has none."""
+    """The cell of a paint and a detector; None where the entry has none."""
     found = entry.results.table.get(paint, {}).get(detector)
     return None if found is None else sourced(found, entry, "table", paint, detector, white_box=white_box)
 
@@ -119,34 +129,49 @@ def _by_vehicle(study: Study) -> Table:
     category = {entry.vehicle: entry.category for entry in entries}
     blocks = []
     for weathers in unique(entry.weathers for entry in entries):
-        here = {entry.vehicle: entry for entry in entries if entry.weathers == weathers}
-        paints = unique(paint for entry in here.values() for paint in entry.results.paints)
-        cells = [[_cell(here[v], paint, MEAN) if v in here else None for v in category] for paint in paints]
+        here = {entry.vehicle: (entry, Recorded(entry)) for entry in entries if entry.weathers == weathers}
+        paints = unique(paint for entry, _ in here.values() for paint in entry.results.paints)
+        cells = [[_mean(*here[v], paint) if v in here else None for v in category] for paint in paints]
         rows = tuple(Row(paint, tuple(row)) for paint, row in zip(paints, cells, strict=True))
         blocks.append(Block(weathers_title(weathers), rows))
     columns = tuple(Column(vehicle, of) for vehicle, of in category.items())
-    caption = "AP@0.5 of each vehicle's own class, averaged over the detectors."
+    told = "; ".join(unique(averaged_over(entry) for entry in entries))
+    caption = f"AP@0.5 of each vehicle's own class, {told}."
     return Table("vehicles", "Other vehicles", caption, columns, tuple(blocks))
+
+
+def _mean(entry: Entry, recorded: Recorded, paint: str) -> Cell | None:
+    """A paint's mean over the leading part of the detectors; None where the entry lacks the paint."""
+    if paint not in entry.results.table:
+        return None
+    return sourced(recorded.mean_over(leading(entry.parts)[1], paint), entry, "table", paint)
+
+
+def averaged_over(entry: Entry) -> str:
+    """What a single mean of the entry is of: ``"mean over 2 detectors that took no part in the attacks"``."""
+    part, names = leading(entry.parts)
+    of = f" {_WHICH[part]}" if entry.against else ""
+    return f"mean over {len(names)} detector{'' if len(names) == 1 else 's'}{of}"
 
 
 def curves_of(study: Study) -> dict[str, list[Table]]:
     """Weathers -> a table per parameter that varies there, whose columns are its values.
 
-    Of the first vehicle, undefended, mean over detectors.
+    Of the first vehicle, undefended, mean over the leading part of the detectors.
     """
     entries = study.of(vehicle=vehicles_of(study)[0], defence=NO_DEFENCE)
     return {
-        entry.weathers: [_curve(entry, axis) for axis in AXES if len(entry.results.groups[axis]) > 1]
-        for entry in entries
+        entry.weathers: [_curve(entry, recorded, axis) for axis in AXES if len(entry.results.groups[axis]) > 1]
+        for entry, recorded in ((entry, Recorded(entry)) for entry in entries)
     }
 
 
-def _curve(entry: Entry, axis: str) -> Table:
-    groups = entry.results.groups[axis]
+def _curve(entry: Entry, recorded: Recorded, axis: str) -> Table:
+    groups, averaged = entry.results.groups[axis], leading(entry.parts)[1]
     rows = []
     for paint in entry.results.paints:
-        places = [("groups", axis, str(index), "mean", paint) for index in range(len(groups))]
-        cells = [sourced(group.mean[paint], entry, *keys) for group, keys in zip(groups, places, strict=True)]
+        means = [recorded.mean_of_group(averaged, paint, axis, group) for group in groups]
+        cells = [sourced(m, entry, "groups", axis, str(i), "ap", paint) for i, m in enumerate(means)]
         rows.append(Row(paint, tuple(cells)))
     sizes = sorted({group.frames for group in groups})
     frames = f"{sizes[0]}" if len(sizes) == 1 else f"{sizes[0]} to {sizes[-1]}"

@@ -22,13 +22,11 @@ from .ablations.experiment import OURS, Claim
 from .ablations.findings import Scores, Verdict, judge, score_rows
 from .candidates import NORMAL, RANDOM
 from .defences import NO_DEFENCE
-from .detectors import is_own, lineage_of
+from .parts import PARTS, RELATIVE, TOOK_NO_PART, parts_of
 from .results import Estimate
 from .scores import places_of
-from .study import Entry, Study, white_box_of
+from .study import Entry, Study
 
-PARTS = ("took no part", "family of an attacked one", "attacked")
-"""What a detector had to do with the attacks."""
 _SEED = re.compile(r"(?P<row>.+) s\d+")
 
 
@@ -84,17 +82,19 @@ class Compared:
         """All that was attacked, by any row."""
         return frozenset(chain(*self.attacked.values()))
 
+    @cached_property
+    def _parts(self) -> dict[str, list[str]]:
+        return parts_of(self.scores.detectors, self.against)
+
     @property
     def judges(self) -> list[str]:
-        """Detectors that took no part: attacked by no row, of no attacked one's family, and not this project's own."""
-        met = set(map(lineage_of, self.against))
-        return [name for name in self.scores.detectors if lineage_of(name) not in met and not is_own(name)]
+        """Detectors that took no part."""
+        return self._parts.get(TOOK_NO_PART, [])
 
     @property
     def relatives(self) -> list[str]:
         """Detectors of an attacked one's family that no row attacked itself."""
-        met = set(map(lineage_of, self.against))
-        return [name for name in self.scores.detectors if lineage_of(name) in met and name not in self.against]
+        return self._parts.get(RELATIVE, [])
 
     def white_box(self, row: str) -> list[str]:
         """Measured detectors that a row attacked; of a row that attacked none, those that any did."""
@@ -185,8 +185,9 @@ def compare(studies: Mapping[str, Study], only: Sequence[str] = ()) -> Compared:
         raise RaucaError(
             f"compare: studies in different towns ({', '.join(map(str, sorted(towns)))}); compare each apart"
         )
-    against = white_box_of(first)
-    attacked = {row: frozenset(chain(*(against.get(paint, ()) for paint in paints))) for row, paints in rows.items()}
+    attacked = {
+        row: frozenset(chain(*(first.against.get(paint, ()) for paint in paints))) for row, paints in rows.items()
+    }
     return Compared(tuple(entries), rows, attacked, towns.pop())
 
 

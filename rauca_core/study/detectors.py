@@ -11,7 +11,6 @@ from ..detect import Detector, class_index, find_class, load_detector
 from ..detect.weights import ready_names
 from ..runtime.devices import find_device
 from .job import Machine
-from .results import MEAN
 
 ALL = "all"
 LOG = logging.getLogger(__name__)
@@ -69,8 +68,8 @@ def check_detectors(detectors: Sequence[Detector], category: str) -> None:
     names = [detector.name for detector in detectors]
     if not names:
         raise RaucaError("evaluate: no detectors given; name at least one")
-    if len(set(names)) != len(names) or MEAN in names:
-        raise RaucaError(f"evaluate: detectors {', '.join(names)} must have names of their own, none called {MEAN!r}")
+    if len(set(names)) != len(names):
+        raise RaucaError(f"evaluate: detectors {', '.join(names)} must have names of their own")
     for detector in detectors:
         class_index(detector, category)
 

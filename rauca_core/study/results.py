@@ -11,7 +11,6 @@ from ..contract.files import write_json
 from ..contract.schema import Record, read_json
 from .detection_cache import DetectionSettings
 
-MEAN = "mean"
 AXES = ("azimuth_deg", "elevation_deg", "distance_m", "sun_altitude_deg", "fog_density")
 
 
@@ -51,13 +50,11 @@ class Group(Record):
         value: on the axis.
         frames: how many share it.
         ap: ``ap[paint][detector]``.
-        mean: ``mean[paint]``, over detectors, with its interval.
     """
 
     value: float
     frames: int
     ap: dict[str, dict[str, float]]
-    mean: dict[str, Estimate]
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,7 @@ class Results(Record):
         detectors: name -> fingerprint, in table order.
         frames: that took part, in plan order.
         dropped: ids of frames that show too little of the vehicle to have a box.
-        table: ``table[paint][detector or "mean"]``.
+        table: ``table[paint][detector]``.
         groups: ``groups[axis]``, sorted by value.
         images: ``images[paint]``, in the order of ``frames``; under a defence, as it left them.
         detections: ``detections[paint][detector]``, the folder that keeps them, relative to the results' folder.
@@ -89,7 +86,7 @@ class Results(Record):
         place_kind, place_count: what intervals are over (``locations``, ``views`` or ``frames``), and how many.
     """
 
-    FORMAT = ("rauca-results", 4)
+    FORMAT = ("rauca-results", 5)
 
     dataset: str
     settings: DetectionSettings
@@ -121,8 +118,7 @@ class Results(Record):
         return tuple(self.table)
 
     def _check_whole(self, where: str) -> None:
-        columns = {*self.detectors, MEAN}
-        if not self.table or any(set(row) != columns for row in self.table.values()):
+        if not self.table or any(set(row) != set(self.detectors) for row in self.table.values()):
             raise RaucaError(f"{where}: table and detectors do not fit together; evaluate again")
         if set(self.images) != set(self.table) or any(len(i) != len(self.frames) for i in self.images.values()):
             raise RaucaError(f"{where}: images and frames do not fit together; evaluate again")

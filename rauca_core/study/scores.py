@@ -17,7 +17,7 @@ from .defences import NO_DEFENCE
 from .detecting import Pictures
 from .detection_cache import DetectionCache, Found
 from .intervals import Curve, Places, difference_interval, share_interval
-from .results import AXES, MEAN, Estimate, FrameRow, Group, ImageRow, Results, save_results
+from .results import AXES, Estimate, FrameRow, Group, ImageRow, Results, save_results
 from .study import Entry
 
 Samples = Mapping[str, Mapping[str, Sequence[Sample]]]  # [paint][detector][frame]
@@ -54,11 +54,10 @@ def _value(curve: Curve) -> float:
 
 
 def score_table(samples: Samples, rows: Sequence[FrameRow]) -> dict[str, dict[str, Estimate]]:
-    """AP of every paint and detector, and the mean over detectors, each with its interval."""
+    """AP of every paint and detector with its interval."""
     places, table = places_of(rows), {}
     for paint, by_detector in samples.items():
         curves = {n: ap_curve(Ranking.of(some), places, average_precision(some)) for n, some in by_detector.items()}
-        curves[MEAN] = np.mean(list(curves.values()), axis=0)
         table[paint] = {name: estimate(curve, len(rows)) for name, curve in curves.items()}
     return table
 
@@ -70,12 +69,12 @@ def score_groups(samples: Samples, rows: Sequence[FrameRow]) -> dict[str, tuple[
     }
 
     def group(value: float, chosen: NDArray[np.int64]) -> Group:
-        places, ap, mean = places_of([rows[index] for index in chosen]), {}, {}
-        for paint, by_detector in rankings.items():
-            curves = {name: ap_curve(ranking.part(chosen), places) for name, ranking in by_detector.items()}
-            ap[paint] = {name: float(curve[0]) for name, curve in curves.items()}
-            mean[paint] = estimate(np.mean(list(curves.values()), axis=0), len(chosen))
-        return Group(value, len(chosen), ap, mean)
+        whole = places_of([rows[index] for index in chosen])
+        ap = {
+            paint: {name: float(ap_curve(ranking.part(chosen), whole)[0]) for name, ranking in by_detector.items()}
+            for paint, by_detector in rankings.items()
+        }
+        return Group(value, len(chosen), ap)
 
     values = {axis: np.array([float(getattr(row, axis)) for row in rows]) for axis in AXES}
     return {
@@ -166,6 +165,7 @@ class Recorded:
     def __init__(self, entry: Entry) -> None:
         self._entry = entry
         self._caches: dict[Path, DetectionCache] = {}
+        self._rankings: dict[tuple[str, str], Ranking] = {}
 
     def found(self, detector: str, paint: str, index: int) -> Found:
         """Detections in the frame at ``index``.
@@ -194,6 +194,20 @@ class Recorded:
         frames = len(self._entry.results.frames)
         return estimate(np.mean([self.curve(name, paint) for name in detectors], axis=0), frames)
 
+    def mean_of_group(self, detectors: Sequence[str], paint: str, axis: str, group: Group) -> Estimate:
+        """The same of the frames that share a value on one of :data:`AXES`, over their places.
+
+        Raises:
+            RaucaError: as :meth:`found`.
+        """
+        rows = self._entry.results.frames
+        chosen = np.flatnonzero([getattr(row, axis) == group.value for row in rows])
+        places = places_of([rows[index] for index in chosen])
+        curves = [
+            ap_curve(self._ranking(name, paint).part(chosen), places, group.ap[paint][name]) for name in detectors
+        ]
+        return estimate(np.mean(curves, axis=0), len(chosen))
+
     def curve(self, detector: str, paint: str, places: Places | None = None) -> Curve:
         """The results' own AP@0.5, to the bit, then that without each place.
 
@@ -203,9 +217,14 @@ class Recorded:
         Raises:
             RaucaError: as :meth:`found`.
         """
-        results = self._entry.results
-        samples = [self.sample(detector, paint, index) for index in range(len(results.frames))]
-        return ap_curve(Ranking.of(samples), places or self._places, results.table[paint][detector].ap)
+        ap = self._entry.results.table[paint][detector].ap
+        return ap_curve(self._ranking(detector, paint), places or self._places, ap)
+
+    def _ranking(self, detector: str, paint: str) -> Ranking:
+        if (detector, paint) not in self._rankings:
+            frames = range(len(self._entry.results.frames))
+            self._rankings[detector, paint] = Ranking.of([self.sample(detector, paint, index) for index in frames])
+        return self._rankings[detector, paint]
 
     @cached_property
     def _places(self) -> Places:

@@ -2,10 +2,13 @@
 
 ``study.json`` names the results of each; everything it refers to lies beside it::
 
-    {"format": "rauca-study", "version": 1, "command": "rauca evaluate ...", "entries": [
+    {"format": "rauca-study", "version": 2, "command": "rauca evaluate ...", "entries": [
       {"weathers": "seen", "defence": "none", "vehicle": "sedan", "category": "car",
        "results": "sedan/seen/none/results.json", "views": "sedan/seen/views",
-       "camouflages": {"rauca": "camouflages/<content>/rauca.json"}}, ...]}
+       "camouflages": {"rauca": "camouflages/<content>/rauca.json"},
+       "parts": {"took no part": ["mobilenet-ssd"], "attacked": ["yolov3-tiny"]}}, ...]}
+
+``parts`` is for programs that average over detectors (`parts.py`); it follows from the camouflages and the results.
 """
 
 from __future__ import annotations
@@ -14,12 +17,15 @@ import importlib.util
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from ..contract import RaucaError, load_camouflage
 from ..contract.files import write_json
 from ..contract.schema import Record, read_json
+from .parts import parts_of
 from .results import Results, load_results
 
 FILE_NAME = "study.json"
@@ -48,6 +54,21 @@ class Entry:
     views: Path | None = None
     camouflages: dict[str, Path] = field(default_factory=dict)
 
+    @cached_property
+    def against(self) -> dict[str, tuple[str, ...]]:
+        """Paint -> the detectors it was optimized against, for paints that were.
+
+        Raises:
+            RaucaError: a camouflage that the study names is missing or damaged.
+        """
+        made = {paint: load_camouflage(path)[0].made.get("detector") for paint, path in self.camouflages.items()}
+        return {paint: tuple(names.split("+")) for paint, names in made.items() if isinstance(names, str)}
+
+    @property
+    def parts(self) -> dict[str, list[str]]:
+        """The detectors by their part in the attacks, see `parts.py`; raises :class:`RaucaError` as :attr:`against`."""
+        return parts_of(list(self.results.detectors), set(chain(*self.against.values())))
+
 
 @dataclass(frozen=True)
 class Study:
@@ -64,38 +85,33 @@ class Study:
     notes: Mapping[str, Any] = field(default_factory=dict)
 
     def table(self) -> Any:
-        """A row per vehicle, weathers, defence, paint and detector, with ``"mean"`` as the last detector of each paint.
+        """A row per vehicle, weathers, defence, paint and detector.
 
         Returns:
             A `pandas.DataFrame` where pandas is installed, else a list of dicts with the same names: ``vehicle``,
-            ``weathers``, ``defence``, ``paint``, ``detector``, ``ap`` (AP@0.5, 0 to 1), ``low`` and ``high`` (its 95 %
-            interval) and ``n`` (frames).
+            ``weathers``, ``defence``, ``paint``, ``detector``, ``part`` (what the detector had to do with the attacks:
+            average within one part alone), ``ap`` (AP@0.5, 0 to 1), ``low`` and ``high`` (its 95 % interval) and ``n``
+            (frames).
+
+        Raises:
+            RaucaError: a camouflage that the study names is missing or damaged.
         """
         rows = [
             {
                 "vehicle": entry.vehicle, "weathers": entry.weathers, "defence": entry.defence, "paint": paint,
-                "detector": detector, "ap": found.ap, "low": found.low, "high": found.high,
-                "n": len(entry.results.frames),
+                "detector": detector, "part": part, "ap": row[detector].ap, "low": row[detector].low,
+                "high": row[detector].high, "n": len(entry.results.frames),
             }
             for entry in self.entries
             for paint, row in entry.results.table.items()
-            for detector, found in row.items()
+            for part, detectors in entry.parts.items()
+            for detector in detectors
         ]  # fmt: skip
         return data_frame(rows)
 
     def of(self, **wanted: str) -> tuple[Entry, ...]:
         """Entries whose fields have the wanted values: ``study.of(defence="none", vehicle="sedan")``."""
         return tuple(e for e in self.entries if all(getattr(e, name) == value for name, value in wanted.items()))
-
-
-def white_box_of(entry: Entry) -> dict[str, tuple[str, ...]]:
-    """Paint -> the detectors it was optimized against, for paints that were.
-
-    Raises:
-        RaucaError: a camouflage that the study names is missing or damaged.
-    """
-    made = {paint: load_camouflage(path)[0].made.get("detector") for paint, path in entry.camouflages.items()}
-    return {paint: tuple(names.split("+")) for paint, names in made.items() if isinstance(names, str)}
 
 
 def data_frame(rows: list[dict[str, Any]]) -> Any:
@@ -118,13 +134,14 @@ class _Row(Record):
     results: str
     views: str | None = None
     camouflages: dict[str, str] = field(default_factory=dict)
+    parts: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class _File(Record):
     """``study.json``."""
 
-    FORMAT = ("rauca-study", 1)
+    FORMAT = ("rauca-study", 2)
 
     command: str
     entries: tuple[_Row, ...]
@@ -148,6 +165,7 @@ def save_study(path: Path, command: str, entries: Sequence[Entry], notes: Mappin
             results=relative(entry.folder / "results.json"),
             views=None if entry.views is None else relative(entry.views),
             camouflages={paint: relative(camouflage) for paint, camouflage in entry.camouflages.items()},
+            parts={part: tuple(names) for part, names in entry.parts.items()},
         )
         for entry in entries
     ]

@@ -20,6 +20,7 @@ from rauca_core.study.assess import EFFORTS, works_of
 from rauca_core.study.assessment import Score, save_assessment
 from rauca_core.study.battery import load_battery
 from rauca_core.study.cost import cost_of
+from rauca_core.study.parts import OWN, PARTS
 from rauca_core.study.views import SCALES
 from tests.study.assessments import assessment
 
@@ -157,8 +158,10 @@ def test_a_camouflage_is_judged_paused_and_looked_at(addon, ready):
     assert not job.task.scratch.exists()
     told = evaluate.found_in(str(ready))
     assert told is not None
-    assert told[0].by == "mean"
+    assert told[0].mean
+    assert told[0].by in (*PARTS, OWN)
     assert list(told[0].worn) == ["normal", "spots"]
+    assert told[0].worn == told[1].worn  # a single detector
     watch.forget("evaluate")
     assert state(addon.context).kind == "done"
     assert state(addon.context).words.startswith("Found ")

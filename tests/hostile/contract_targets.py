@@ -42,26 +42,26 @@ from .target import Target, json_lines
 FRAME = "L00-V000-day"
 ESTIMATE = {"ap": 0.5, "low": 0.4, "high": 0.6}
 RESULTS = {
-    "format": "rauca-results", "version": 4, "dataset": "d",
+    "format": "rauca-results", "version": 5, "dataset": "d",
     "settings": {"category": "car", "score_threshold": 0.005, "other_threshold": 0.1, "iou_threshold": 0.45},
     "detectors": {"one": "abc"}, "dropped": ["x"],
     "frames": [
         {"id": FRAME, "weather": "day", "azimuth_deg": 0.0, "elevation_deg": 10.0, "distance_m": 5.0,
          "sun_altitude_deg": 45.0, "fog_density": 0.0, "box_xyxy": [1.0, 2.0, 3.0, 4.0], "location": 0, "view": 0}
     ],
-    "table": {"normal": {"one": ESTIMATE, "mean": ESTIMATE}},
+    "table": {"normal": {"one": ESTIMATE}},
     "groups": {
-        axis: [{"value": 0.0, "frames": 1, "ap": {"normal": {"one": 0.5}}, "mean": {"normal": ESTIMATE}}]
+        axis: [{"value": 0.0, "frames": 1, "ap": {"normal": {"one": 0.5}}}]
         for axis in ("azimuth_deg", "elevation_deg", "distance_m", "sun_altitude_deg", "fog_density")
     },
     "images": {"normal": [{"path": "a.png", "sha256": "0" * 64}]}, "detections": {"normal": {"one": "detections"}},
     "vehicle": "box", "defence": "none", "place_kind": "frames", "place_count": 1,
 }  # fmt: skip
 STUDY = {
-    "format": "rauca-study", "version": 1, "command": "x",
+    "format": "rauca-study", "version": 2, "command": "x",
     "entries": [
         {"weathers": "seen", "defence": "none", "vehicle": "box", "category": "car", "results": "seen/results.json",
-         "views": "seen/views", "camouflages": {"rauca": "c.json"}}
+         "views": "seen/views", "camouflages": {"rauca": "c.json"}, "parts": {"took no part": ["one"]}}
     ],
 }  # fmt: skip
 LEDGER = json_lines(

@@ -13,7 +13,7 @@ from rauca_core.detect import Detector
 from rauca_core.study.average_precision import Sample
 from rauca_core.study.detecting import Pictures, detect_in, image_of
 from rauca_core.study.detection_cache import DetectionCache, DetectionSettings
-from rauca_core.study.results import AXES, MEAN, Estimate, FrameRow, Group, ImageRow, Results
+from rauca_core.study.results import AXES, Estimate, FrameRow, Group, ImageRow, Results
 from rauca_core.study.scores import score_table, tabulate
 
 FRAMES, PLACES, BOX = 24, 8, (10.0, 10.0, 50.0, 40.0)
@@ -50,14 +50,10 @@ def made_up(seed: int, paints: tuple[str, ...], detectors: tuple[str, ...]) -> R
 
     table = {}
     for paint in paints:
-        values = {name: float(rng.random()) for name in detectors}
-        table[paint] = {
-            name: estimate(v) for name, v in {**values, MEAN: float(np.mean(list(values.values())))}.items()
-        }
+        table[paint] = {name: estimate(float(rng.random())) for name in detectors}
     frames = tuple(FrameRow(f"f{i}", "clear", 90.0 * i, 10, 6, 45, 0, (0, 0, 9, 9), i, i) for i in range(4))
-    mean = {paint: row[MEAN] for paint, row in table.items()}
     ap = {paint: {name: row[name].ap for name in detectors} for paint, row in table.items()}
-    azimuths = tuple(Group(90.0 * i, 1, ap, mean) for i in range(4))
+    azimuths = tuple(Group(90.0 * i, 1, ap) for i in range(4))
     return Results(
         dataset="made up",
         settings=DetectionSettings(),
@@ -65,7 +61,7 @@ def made_up(seed: int, paints: tuple[str, ...], detectors: tuple[str, ...]) -> R
         frames=frames,
         dropped=(),
         table=table,
-        groups={axis: azimuths if axis == "azimuth_deg" else (Group(1.0, 4, ap, mean),) for axis in AXES},
+        groups={axis: azimuths if axis == "azimuth_deg" else (Group(1.0, 4, ap),) for axis in AXES},
         images={paint: tuple(ImageRow(f"{i}.png", "0") for i in range(4)) for paint in paints},
     )
 

@@ -22,7 +22,6 @@ from rauca_core.detect import Detector, load_detector
 from rauca_core.report import write_compared
 from rauca_core.report.published import published_means
 from rauca_core.study.compare import Compared, compare, rows_of
-from rauca_core.study.results import MEAN
 from rauca_core.study.study import Entry, Study, save_study
 from tests.study.measured import FRAMES, PLACES, found_in, measure, scored
 from tests.study.page import whole_page
@@ -127,14 +126,14 @@ def test_a_page_holds_the_rows_of_two_studies(study: Study, tmp_path: Path) -> N
     assert found.ap("ours", ["yolov4-tiny"]).ap == pytest.approx(table["ours s0"]["yolov4-tiny"].ap)
     alone = compare({"street": study, "paper": again}, ["normal", "random"])
     assert (list(alone.rows), alone.relatives) == (["normal", "random"], [])  # nothing of these was attacked
-    assert set(alone.judges) == set(table["normal"]) - {MEAN}
+    assert set(alone.judges) == set(table["normal"])
     page, *_ = write_compared(found, tmp_path / "compared.html", "rauca compare street <paper>", "ours")
     read = whole_page(page)
     for text in ("rauca compare street <paper>", "Is ours below the others?", "street, seen", f"town {found.town}"):
         assert text in read.text
     stored = json.loads((tmp_path / "compared.json").read_text(encoding="utf-8"))
     assert stored["attacked"] == {"normal": [], "random": [], "ours": ["yolov4-tiny"]}
-    assert MEAN not in stored["judges"]
+    assert stored["judges"] == ["left_half"]
 
 
 def test_the_command_takes_rows_and_tells_them(study: Study, tmp_path: Path) -> None:

@@ -7,9 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from rauca_core.contract import RaucaError
+from rauca_core.contract import Camouflage, RaucaError, save_camouflage
+from rauca_core.contract.files import png_bytes
 from rauca_core.study.results import load_results, save_results
 from rauca_core.study.study import Entry, load_study, save_study
 from tests.study.measured import made_up
@@ -24,6 +26,8 @@ def saved(folder: Path) -> list[Entry]:
         camouflages = {"rauca": folder / "camouflages" / "rauca.json"}
         views = folder / "sedan" / weathers / "views"
         entries.append(Entry(weathers, defence, "sedan", "car", results, into, views, camouflages))
+    made = Camouflage("rauca", "sedan", "0" * 16, 8, "rauca", {"detector": "yolo"})
+    save_camouflage(folder / "camouflages" / "rauca.json", made, png_bytes(np.zeros((8, 8, 3), np.uint8)))
     save_study(folder / "study.json", "rauca evaluate --out study", entries)
     return entries
 
@@ -34,6 +38,7 @@ def test_a_study_survives_the_disk_and_a_move(tmp_path: Path) -> None:
     assert study.command == "rauca evaluate --out study"
     assert list(study.entries) == entries
     assert study.of(defence="none") == (study.entries[0], study.entries[2])
+    assert json.loads((tmp_path / "study" / "study.json").read_text())["entries"][0]["parts"] == {"attacked": ["yolo"]}
     assert "/" not in json.loads((tmp_path / "study" / "study.json").read_text())["entries"][0]["results"][:1]
     (tmp_path / "study").rename(tmp_path / "moved")
     assert load_study(tmp_path / "moved" / "study.json").entries[1].results == replace(entries[1].results)
@@ -47,7 +52,7 @@ def test_damaged_studies_are_named(tmp_path: Path) -> None:
     written = json.loads(path.read_text())
     first = written["entries"][0]
     for change, complaint in [
-        ({"version": 2}, "reads 1; update rauca"),
+        ({"version": 3}, "reads 2; update rauca"),
         ({"entries": []}, "entries must be at least one"),
         ({"entries": [first, first]}, "each of its own vehicle, weathers and defence"),
         ({"entries": [first | {"results": "gone.json"}]}, "gone.json: not found"),
@@ -71,7 +76,7 @@ def test_results_survive_the_disk(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("place", "bad", "complaint"),
     [
-        (("version",), 5, "reads 4; update rauca"),
+        (("version",), 6, "reads 5; update rauca"),
         (("table",), {}, "table and detectors do not fit"),
         (("images",), {}, "images and frames do not fit"),
         (("settings", "color"), 1, "settings: unknown field color"),

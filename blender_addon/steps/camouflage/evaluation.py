@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...core import contract, schema
 
 STUDY, RESULTS = "study.json", "results.json"
+STUDY_FORMAT, RESULTS_FORMAT = ("rauca-study", 2), ("rauca-results", 5)  # as `rauca evaluate` writes them
 MAX_DETECTIONS_BYTES = 2**30  # a line is some 5 kB: 200 000 images
 NORMAL = "normal"  # the paint of a vehicle without camouflage
 
@@ -83,7 +84,7 @@ def read_evaluated_frames(folder: Path) -> list[EvaluatedFrame]:
     """
     if (folder / STUDY).is_file():
         fields = schema.read_json(folder / STUDY)
-        fields.format("rauca-study", 1)
+        fields.format(*STUDY_FORMAT)
         paths = [folder / row.text("results") for row in fields.objects("entries") if row.text("defence") == "none"]
     elif (folder / RESULTS).is_file():
         paths = [folder / RESULTS]
@@ -94,7 +95,7 @@ def read_evaluated_frames(folder: Path) -> list[EvaluatedFrame]:
 
 def _read_results(path: Path) -> list[EvaluatedFrame]:
     fields = schema.read_json(path)
-    fields.format("rauca-results", 4)
+    fields.format(*RESULTS_FORMAT)
     frames, images = fields.objects("frames"), fields.nested("images")
     rows = {paint: images.objects(paint) for paint in images.names()}
     if any(len(row) != len(frames) for row in rows.values()):

@@ -15,8 +15,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ..candidates import NORMAL, RANDOM
-from ..detectors import is_own
 from ..intervals import CONFIDENCE, SEEDS_NEEDED, Curve, Places, chance_of, holm
+from ..parts import leading, parts_of
 from ..results import Estimate
 from ..scores import Recorded, difference, estimate, places_of
 from ..study import Entry, Study
@@ -244,9 +244,13 @@ class Findings:
 
     @property
     def detectors(self) -> list[str]:
-        """Whose mean decides: those that were not trained on this project's images, if there are any."""
-        names = list(self.study.entries[0].results.detectors)
-        return [name for name in names if not is_own(name)] or names
+        """Whose mean decides: those farthest from the attacks, see `parts.py`."""
+        return leading(self.parts)[1]
+
+    @property
+    def parts(self) -> dict[str, list[str]]:
+        """The detectors by their part in the attacks."""
+        return parts_of(list(self.study.entries[0].results.detectors), self.attacked)
 
     @property
     def white_box(self) -> list[str]:
