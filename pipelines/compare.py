@@ -28,13 +28,14 @@ def compare(studies: Studies, out: Out = Path("compared.html"), rows: Rows = "",
     names = [folder.name for folder in studies]
     alike = len(set(names)) < len(names)
     found = run({str(folder) if alike else folder.name: Study.load(folder) for folder in studies}, split_names([rows]))
-    pages = write_compared(found, out, command_line(), lowest)
+    verdicts = found.verdicts(lowest) if lowest else []
+    pages = write_compared(found, out, command_line(), verdicts)
     shown = Table("row", *PARTS, title="AP@0.5, all views and seeds")
     for row in found.rows:
         told = found.by_part(row).values()
         shown.add_row(row, *("–" if one is None else f"{one.ap:.3f} [{one.low:.2f}, {one.high:.2f}]" for one in told))
     output().print(shown)
     titles = {row: row for row in found.rows}
-    for verdict in found.verdicts(lowest) if lowest else ():
+    for verdict in verdicts:
         output().print(verdict.sentence(titles), highlight=False, soft_wrap=True)
     console.print(f"comparison: {pages[0]}", highlight=False, soft_wrap=True)

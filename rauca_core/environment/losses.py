@@ -38,16 +38,7 @@ def weighted_bce(x_ren_srgb: Tensor, x_gt_srgb: Tensor, mask: Tensor) -> Tensor:
     """
     p = EPSILON + (1 - 2 * EPSILON) * x_ren_srgb
     entropy = -(x_gt_srgb * p.log() + (1 - x_gt_srgb) * (1 - p).log())
-    return _mean(entropy * (mask > 0), mask)
-
-
-def weighted_mse(x_ren_srgb: Tensor, x_gt_srgb: Tensor, mask: Tensor) -> Tensor:
-    """The published code's loss: squared error over the whole masked image, times W. Arguments as above."""
-    return _mean((x_ren_srgb - x_gt_srgb).square() * (mask > 0), mask)
-
-
-def _mean(error: Tensor, mask: Tensor) -> Tensor:
-    return (error.flatten(1).mean(dim=1) * vehicle_weight(mask)).mean()
+    return ((entropy * (mask > 0)).flatten(1).mean(dim=1) * vehicle_weight(mask)).mean()
 
 
 def tone(linear: Tensor) -> Tensor:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..study.ablations.findings import Comparison
+from ..study.ablations.findings import Comparison, Verdict
 from ..study.compare import Compared
 from ..study.detectors import in_table_order
 from ..study.intervals import SEEDS_NEEDED
@@ -25,22 +25,21 @@ _LIMIT = (
 )
 
 
-def write_compared(found: Compared, out: Path, command: str = "", lowest: str = "") -> list[Path]:
+def write_compared(found: Compared, out: Path, command: str = "", verdicts: Sequence[Verdict] = ()) -> list[Path]:
     """Write ``out`` (.html) and its numbers (.csv, .json, .tex) beside it.
 
     Args:
         command: what was typed.
-        lowest: the row that is claimed to be below all others; no claim if left out.
+        verdicts: on a row that is claimed to be below all others (:meth:`Compared.verdicts`); no claim if left out.
 
     Returns:
         What was written, the page first.
 
     Raises:
-        RaucaError: detections of a study are missing, or no such row; then nothing was written.
+        RaucaError: detections of a study are missing; then nothing was written.
     """
-    verdicts = found.verdicts(lowest) if lowest else []
     parts, every, ranks = _by_part(found), _by_detector(found), _ranks(found)
-    gaps = _gaps(lowest, [one for verdict in verdicts for one in verdict.comparisons])
+    gaps = _gaps([one for verdict in verdicts for one in verdict.comparisons])
     told = {
         "title": "Camouflages compared",
         "scope": f"{sum(found.scores.frames.values())} views of {found.places} in the {found.use} town {found.town}.",
@@ -101,10 +100,11 @@ def _by_detector(found: Compared) -> Table:
     return Table("detectors", "By detector", caption, detector_columns(names, attacked), tuple(blocks))
 
 
-def _gaps(lowest: str, comparisons: Sequence[Comparison]) -> Table | None:
+def _gaps(comparisons: Sequence[Comparison]) -> Table | None:
     """What decides whether a row is below the others, a row each."""
     if not comparisons:
         return None
+    lowest = comparisons[0].better
     columns = (
         Column(f"AP less that of {lowest}", kind="change"),
         Column("seeds", kind="count"),

@@ -127,7 +127,7 @@ def test_a_page_holds_the_rows_of_two_studies(study: Study, tmp_path: Path) -> N
     alone = compare({"street": study, "paper": again}, ["normal", "random"])
     assert (list(alone.rows), alone.relatives) == (["normal", "random"], [])  # nothing of these was attacked
     assert set(alone.judges) == set(table["normal"])
-    page, *_ = write_compared(found, tmp_path / "compared.html", "rauca compare street <paper>", "ours")
+    page, *_ = write_compared(found, tmp_path / "compared.html", "rauca compare street <paper>", found.verdicts("ours"))
     read = whole_page(page)
     for text in ("rauca compare street <paper>", "Is ours below the others?", "street, seen", f"town {found.town}"):
         assert text in read.text
