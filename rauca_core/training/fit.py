@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from ..detect.synth.card import DetectorCard, SynthDetector, load_network, save_
 from ..detect.synth.networks import BACKBONE, build_network, find_recipe
 from ..detect.weights import fetch
 from ..environment.frames import LightFrames, SplitBy
+from ..runtime.cpu_time import counted_in
 from ..runtime.devices import find_device
 from .detector import Job, OnRound, OnStep, train
 from .measure import CAR, Findings, Score, measure
@@ -110,7 +110,7 @@ def fit(
     find_recipe(wanted.name)
     device = find_device(wanted.device)
     _check_folders(wanted)
-    settings, began = wanted.settings, time.process_time()
+    settings = wanted.settings
     frames = LightFrames([*wanted.datasets, *wanted.tests], settings.memory_mb)
     chosen, held_out = _split(frames, wanted)
     class_names = _class_names(frames, chosen, wanted)
@@ -126,7 +126,8 @@ def fit(
         "start": origin,
     }  # fmt: skip
     job = Job(network, samples, chosen, test, settings, wanted.out, identity, device=device)
-    average, findings = train(job, resume, on_round, on_step)
+    with counted_in(wanted.out, fresh=not resume) as spent:
+        average, findings = train(job, resume, on_round, on_step)
     weights = wanted.out / f"{wanted.name}.safetensors"
     card = DetectorCard(
         name=wanted.name,
@@ -139,7 +140,7 @@ def fit(
         seed=settings.seed,
         steps=settings.steps,
         settings=settings.model_dump(mode="json"),
-        cpu_minutes=round((time.process_time() - began) / 60, 1),
+        cpu_minutes=round(spent(), 1),
         metrics=findings.to_json(),
         remarks=wanted.remarks,
     )

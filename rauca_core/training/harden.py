@@ -8,7 +8,6 @@ The rest stays as in the first training, so that what the detector knew is not f
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,6 +24,7 @@ from ..detect.interface import Detector
 from ..detect.synth.card import HARDENED, DetectorCard, read_any_card
 from ..environment.frames import LightFrames, SplitBy
 from ..render import TapSettings
+from ..runtime.cpu_time import counted_in
 from ..runtime.devices import find_device
 from ..runtime.folder_lock import alone_in
 from ..runtime.tensor_files import require_same, require_state, started
@@ -190,18 +190,18 @@ class _Rounds:
     def run(self, target: Path, on_test: OnTest, on_step: OnStep) -> None:
         pool, weights, minutes = list(self.wanted.camouflages), None, 0.0
         for number in range(1, self.settings.rounds + 1):
-            began = time.process_time()
             folder = self.wanted.out / f"round-{number}"
+            after = folder / f"weights{self.origin.suffix}"
             detector = self.origin.detector() if weights is None else self.origin.opened(weights)
             detector.to(self.device)
-            if self.settings.attack_steps:
-                fresh = self.wanted.attack(detector, number, folder / "attack")
-                pool += fresh
-            else:
-                fresh = pool[-1:]
-            after = folder / f"weights{self.origin.suffix}"
-            if not after.with_suffix(".json").is_file():
-                self._tune(number, weights, pool, fresh[0], after, began, on_test, on_step)
+            with counted_in(folder) as spent:
+                if self.settings.attack_steps:
+                    fresh = self.wanted.attack(detector, number, folder / "attack")
+                    pool += fresh
+                else:
+                    fresh = pool[-1:]
+                if not after.with_suffix(".json").is_file():
+                    self._tune(number, weights, pool, fresh[0], after, spent, on_test, on_step)
             weights = after
             minutes += read_any_card(after.with_suffix(".json"))[0].cpu_minutes
         assert weights is not None
@@ -215,11 +215,11 @@ class _Rounds:
         pool: list[Path],
         watched: Path,
         after: Path,
-        began: float,
+        spent: Callable[[], float],
         on_test: OnTest,
         on_step: OnStep,
     ) -> None:
-        """One round's fine-tuning, or the rest of it; the round ``began`` at that ``time.process_time``."""
+        """One round's fine-tuning, or the rest of it; ``spent`` tells the round's CPU minutes so far."""
         network, _ = self.origin.network(start)
         settings = self.settings.of_round(number, CALM * self.origin.lr)
         plain, worn = self.samples(pool, share=0.0), self.samples([watched], share=1.0)
@@ -246,8 +246,7 @@ class _Rounds:
             lambda report: on_test(HardenReport(number, rounds, report)),
             lambda done, steps, loss: on_step(number, done, steps, loss),
         )
-        minutes = round((time.process_time() - began) / 60, 3)
-        self.origin.save(after, average, replace(self._card(number, findings), cpu_minutes=minutes))
+        self.origin.save(after, average, replace(self._card(number, findings), cpu_minutes=round(spent(), 3)))
 
     def wears(self, index: int, camouflage: Path) -> bool:
         """Whether the frame's vehicle is a car that the camouflage fits."""

@@ -270,8 +270,13 @@ def test_a_training_goes_on_with_its_own_classes(folder, tmp_path, backbone, mon
         fit(dataclasses.replace(trucks, classes=("boat",)), resume=True)
     with pytest.raises(RaucaError, match="--classes boatt: in no frame to train on; choose among boat, car, truck"):
         fit(dataclasses.replace(trucks, classes=("truck", "boatt")))
+    spent = tmp_path / "run" / "cpu.json"
+    assert json.loads(spent.read_text())["cpu_minutes"] > 0
+    spent.write_text('{"cpu_minutes": 100.0}')
     path, _ = fit(trucks, resume=True)
-    assert read_card(path.with_suffix(".json"))[0].class_names == ("car", "truck")
+    card, *_ = read_card(path.with_suffix(".json"))
+    assert card.class_names == ("car", "truck")
+    assert 100 <= card.cpu_minutes < 200  # what was spent before the stop counts
 
 
 def _damage(path: Path) -> None:
