@@ -51,7 +51,7 @@ def test_a_study_from_views_to_numbers(tmp_path: Path) -> None:
         "--out",
         out,
     ]
-    assert "AP@0.5 of class car" in evaluate(*asked)
+    assert "Car AP@0.5 of the sedan" in evaluate(*asked)
     study = load_study(out)
     assert [(e.vehicle, e.weathers, e.defence) for e in study.entries] == [
         ("sedan", "single", "none"),
