@@ -15,7 +15,6 @@ from ..study import study as measured
 from ..study.defences import NO_DEFENCE
 from ..study.detectors import family_of, in_table_order
 from ..study.parts import ATTACKED, leading
-from ..study.results import Estimate
 from ..study.scores import Recorded
 from ..study.study import Entry
 from .before_after import before_after
@@ -24,7 +23,16 @@ from .frames import FramePicker, strongest_paint
 from .page import write_study_page
 from .pictures import maps_of, sheet_of
 from .published import paper_tables
-from .study_tables import averaged_over, curves_of, defence_title, tables_of, unique, vehicles_of, weathers_title
+from .study_tables import (
+    averaged_over,
+    counted,
+    curves_of,
+    defence_title,
+    tables_of,
+    unique,
+    vehicles_of,
+    weathers_title,
+)
 from .table import is_normal, is_random, printed
 
 P = ParamSpec("P")
@@ -138,18 +146,14 @@ def scope(study: measured.Study) -> str:
     conditions = unique(weathers_title(entry.weathers).removesuffix(" weathers").lower() for entry in study.entries)
     defences = [defence_title(d) for d in unique(entry.defence for entry in study.entries) if d != NO_DEFENCE]
     parts = [
-        _count(len(paints), "paint"),
-        _count(len(detectors), "detector"),
-        _count(len(vehicles_of(study)), "vehicle"),
+        counted(len(paints), "paint"),
+        counted(len(detectors), "detector"),
+        counted(len(vehicles_of(study)), "vehicle"),
         " and ".join(conditions) + (" weathers" if {"seen", "unseen"} >= set(conditions) else ""),
         *([f"defences: {', '.join(defences)}"] if defences else []),
     ]
     images = sum(len(found.frames) * len(found.paints) for found in results)
     return f"{', '.join(parts)}; {images:,} images evaluated."
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def headline(study: measured.Study) -> list[str]:
@@ -165,7 +169,7 @@ def _sentence(entry: Entry) -> str:
     # Random paint alone lowers AP too: no result should be read without it.
     best = strongest_paint(entry)
     told = dict.fromkeys((normal, *filter(is_random, results.paints), best))
-    means: dict[str, Estimate] = {paint: recorded.mean_over(detectors, paint) for paint in told}
+    means = {paint: recorded.mean_over(detectors, paint) for paint in told}
     before, after = means[normal], means[best]
     values = ", ".join(f"{printed(mean.ap)} for {paint}" for paint, mean in means.items())
     if best == normal:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from ..study.defences import NO_DEFENCE
 from ..study.detectors import family_of, in_table_order, is_own
-from ..study.parts import ATTACKED, OWN, RELATIVE, TOOK_NO_PART, leading, parts_of
+from ..study.parts import ATTACKED, OWN, RELATIVE, TOOK_NO_PART, attacked_by, leading, parts_of
 from ..study.results import AXES, Estimate
 from ..study.scores import Recorded
 from ..study.study import Entry, Study
@@ -41,6 +41,11 @@ def defence_title(defence: str) -> str:
 def unique(values: Iterable[str]) -> list[str]:
     """Each value once, in order of first appearance."""
     return list(dict.fromkeys(values))
+
+
+def counted(number: int, what: str) -> str:
+    """``"1 detector"``, ``"2 detectors"``."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def vehicles_of(study: Study) -> list[str]:
@@ -110,9 +115,8 @@ def _rows(entry: Entry, names: Sequence[str], parts: Mapping[str, Sequence[str]]
     for paint in entry.results.paints:
         cells = [_cell(entry, paint, name, name in against.get(paint, ())) for name in names]
         for part, some in parts.items():
-            # What a camouflage attacked is what counts as attacked for it; a paint that attacked nothing meets all.
-            met = against.get(paint, some) if part == ATTACKED else some
-            averaged = [name for name in some if name in here and name in met]
+            met = attacked_by(parts, against.get(paint, ())) if part == ATTACKED else some
+            averaged = [name for name in met if name in here]
             cells.append(sourced(recorded.mean_over(averaged, paint), entry, "table", paint) if averaged else None)
         rows.append(Row(paint, tuple(cells)))
     return tuple(rows)
@@ -151,7 +155,7 @@ def averaged_over(entry: Entry) -> str:
     """What a single mean of the entry is of: ``"mean over 2 detectors that took no part in the attacks"``."""
     part, names = leading(entry.parts)
     of = f" {_WHICH[part]}" if entry.against else ""
-    return f"mean over {len(names)} detector{'' if len(names) == 1 else 's'}{of}"
+    return f"mean over {counted(len(names), 'detector')}{of}"
 
 
 def curves_of(study: Study) -> dict[str, list[Table]]:

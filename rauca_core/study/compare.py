@@ -22,7 +22,7 @@ from .ablations.experiment import OURS, Claim
 from .ablations.findings import Scores, Verdict, judge, score_rows
 from .candidates import NORMAL, RANDOM
 from .defences import NO_DEFENCE
-from .parts import PARTS, RELATIVE, TOOK_NO_PART, parts_of
+from .parts import PARTS, RELATIVE, TOOK_NO_PART, attacked_by, parts_of
 from .results import Estimate
 from .scores import places_of
 from .study import Entry, Study
@@ -98,8 +98,7 @@ class Compared:
 
     def white_box(self, row: str) -> list[str]:
         """Measured detectors that a row attacked; of a row that attacked none, those that any did."""
-        attacked = self.attacked[row] or self.against
-        return [name for name in self.scores.detectors if name in attacked]
+        return attacked_by(self._parts, self.attacked[row])
 
     def by_part(self, row: str) -> dict[str, Estimate | None]:
         """A row's mean over all views, by the detectors' part in the attacks; None where there is no such detector."""

@@ -6,7 +6,7 @@ So what was attacked, its relatives and what took no part are never averaged tog
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from .detectors import is_own, lineage_of
 
@@ -34,6 +34,15 @@ def parts_of(detectors: Sequence[str], attacked: Collection[str]) -> dict[str, l
         OWN: [name for name in strangers if is_own(name)],
     }
     return {part: names for part, names in parts.items() if names}
+
+
+def attacked_by(parts: Mapping[str, Sequence[str]], against: Collection[str]) -> list[str]:
+    """What counts as attacked for one paint: what it was optimized against itself; all of it where it attacked nothing.
+
+    Args:
+        against: names that the paint was optimized against.
+    """
+    return [name for name in parts.get(ATTACKED, ()) if not against or name in against]
 
 
 def leading(parts: dict[str, list[str]]) -> tuple[str, list[str]]:

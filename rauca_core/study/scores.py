@@ -69,9 +69,9 @@ def score_groups(samples: Samples, rows: Sequence[FrameRow]) -> dict[str, tuple[
     }
 
     def group(value: float, chosen: NDArray[np.int64]) -> Group:
-        whole = places_of([rows[index] for index in chosen])
+        once, together = np.ones((1, 1), np.int64), np.zeros(len(chosen), np.int64)
         ap = {
-            paint: {name: float(ap_curve(ranking.part(chosen), whole)[0]) for name, ranking in by_detector.items()}
+            paint: {name: float(r.part(chosen).average_precision(once, together)[0]) for name, r in by_detector.items()}
             for paint, by_detector in rankings.items()
         }
         return Group(value, len(chosen), ap)
