@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from .console import command_line, console, output
 from .options import split_names
+from .tables import print_table
 
 Studies = Annotated[
     list[Path], typer.Argument(metavar="STUDY...", help="folders of `rauca evaluate`, same camouflages")
@@ -22,19 +22,15 @@ Lowest = Annotated[str, typer.Option(help="row that is claimed to be below all o
 def compare(studies: Studies, out: Out = Path("compared.html"), rows: Rows = "", lowest: Lowest = "") -> None:
     """Hold camouflages of finished studies against each other; `NAME s0`, `NAME s1` ... are seeds of one row."""
     from rauca_core.report import Study, write_compared
+    from rauca_core.report.compared_page import table_by_part
     from rauca_core.study.compare import compare as run
-    from rauca_core.study.parts import PARTS
 
     names = [folder.name for folder in studies]
     alike = len(set(names)) < len(names)
     found = run({str(folder) if alike else folder.name: Study.load(folder) for folder in studies}, split_names([rows]))
     verdicts = found.verdicts(lowest) if lowest else []
     pages = write_compared(found, out, command_line(), verdicts)
-    shown = Table("row", *PARTS, title="AP@0.5, all views and seeds")
-    for row in found.rows:
-        told = found.by_part(row).values()
-        shown.add_row(row, *("–" if one is None else f"{one.ap:.3f} [{one.low:.2f}, {one.high:.2f}]" for one in told))
-    output().print(shown)
+    print_table(table_by_part(found))
     titles = {row: row for row in found.rows}
     for verdict in verdicts:
         output().print(verdict.sentence(titles), highlight=False, soft_wrap=True)

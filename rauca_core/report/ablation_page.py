@@ -81,15 +81,15 @@ def _main_table(found: Findings, scores: Scores) -> Table:
         rows = []
         for row, title in found.titles.items():
             attacked = found.attacked if row not in (NORMAL, RANDOM) else ()
-            cells = [_cell(found, scores, row, entry, [name], name in attacked) for name in names]
             means = [_cell(found, scores, row, entry, some) for some in found.parts.values()]
-            rows.append(Row(title, (*cells, *means)))
+            cells = [_cell(found, scores, row, entry, [name], name in attacked) for name in names]
+            rows.append(Row(title, (*means, *cells)))
         blocks.append(Block(weathers_title(entry.weathers), tuple(rows)))
     repeats = f", mean of {found.seeds} optimizations" if found.seeds > 1 else ""
     category = found.study.entries[0].category.capitalize()
     part, deciding = leading(found.parts)
     caption = f"{category} AP@0.5{repeats}. What decides is the mean over {', '.join(deciding)} ({part})."
-    columns = (*detector_columns(names, found.attacked), *average_columns(found.parts))
+    columns = (*average_columns(found.parts), *detector_columns(names, found.attacked))
     return Table(f"ablation-{found.experiment.name}", found.experiment.title, caption, columns, tuple(blocks))
 
 

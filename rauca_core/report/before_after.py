@@ -9,7 +9,6 @@ from PIL import Image, ImageDraw, ImageFont
 from ..detect import canonical
 from ..runtime.images import read_image
 from ..study.average_precision import IOU_THRESHOLD, best_score, box_overlaps
-from ..study.scores import Recorded
 from ..study.study import Entry
 from .frames import PICTURE_THRESHOLD, image_path, placed_frames, strongest_paint
 from .pictures import CORRECT, TRUTH, label, thin
@@ -33,7 +32,7 @@ def before_after(entry: Entry, detector: str) -> Image.Image | None:
     Raises:
         RaucaError: an image or its detections are missing, or have changed since.
     """
-    results, recorded, after = entry.results, Recorded(entry), strongest_paint(entry)
+    results, after = entry.results, strongest_paint(entry)
     before = next(filter(is_normal, results.paints), None)
     if before is None:
         return None
@@ -41,7 +40,7 @@ def before_after(entry: Entry, detector: str) -> Image.Image | None:
     among = [index for index, frame in enumerate(results.frames) if frame.weather == weather]
     (chosen,) = placed_frames(falls(entry, detector, before, after)[among], ("median",))
     index = among[chosen]
-    views = [_view(entry, recorded, detector, paint, index) for paint in (before, after)]
+    views = [_view(entry, detector, paint, index) for paint in (before, after)]
     sheet = Image.new("RGB", (2 * HALF, _HEAD + views[0].height + _FOOT), "white")
     pen = ImageDraw.Draw(sheet)
     for place, (view, title) in enumerate(zip(views, ("own paint", f"camouflage ({after})"), strict=True)):
@@ -59,20 +58,20 @@ def before_after(entry: Entry, detector: str) -> Image.Image | None:
 
 def falls(entry: Entry, detector: str, before: str, after: str) -> NDArray[np.float64]:
     """(F,) by how much the score with which a detector finds the vehicle falls in each frame, between two paints."""
-    recorded = Recorded(entry)
     frames = range(len(entry.results.frames))
-    scores = [[best_score(recorded.sample(detector, paint, i)) for i in frames] for paint in (before, after)]
+    scores = [[best_score(entry.recorded.sample(detector, paint, i)) for i in frames] for paint in (before, after)]
     return np.subtract(*np.array(scores, np.float64))
 
 
-def _view(entry: Entry, recorded: Recorded, detector: str, paint: str, index: int) -> Image.Image:
+def _view(entry: Entry, detector: str, paint: str, index: int) -> Image.Image:
     """The frame, with the box that tells whether the vehicle was found."""
     pixels = read_image(image_path(entry, paint, index))
     height, width = pixels.shape[:2]
     scale = HALF / width
     picture = Image.fromarray(pixels).convert("RGB").resize((HALF, round(height * scale)), Image.Resampling.LANCZOS)
     pen = ImageDraw.Draw(picture, "RGBA")
-    found, truth = recorded.found(detector, paint, index), np.array(entry.results.frames[index].box_xyxy, np.float64)
+    found = entry.recorded.found(detector, paint, index)
+    truth = np.array(entry.results.frames[index].box_xyxy, np.float64)
     name = canonical(entry.results.settings.category)
     named = found.only(name)
     scores = np.where(box_overlaps(named.boxes, truth) >= IOU_THRESHOLD, named.scores, 0.0)

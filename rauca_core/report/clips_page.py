@@ -17,7 +17,6 @@ from ..motion.warning import BRAKING_M_S2, REACTION_S
 from ..runtime.images import read_image
 from ..study.candidates import NORMAL
 from ..study.driven import FILE_NAME, Clip, Driven, Drives, Mean, by_detector, clips_of, most_lost, tracked
-from ..study.scores import Recorded
 from ..study.study import Entry, Study
 from .frames import Grid, Picture
 from .page import write_study_page
@@ -103,12 +102,12 @@ def _table(key: tuple[str, str, str, str], rows: Sequence[Driven], source: Sourc
 
 def _pictures(entry: Entry, shown: Driven, tracker: str) -> tuple[Clip, dict[str, list[Image.Image]]]:
     """A clip, an approach where there is one, with its tracks in plain and in a camouflage."""
-    clips, recorded = clips_of(entry), Recorded(entry)
+    clips = clips_of(entry)
     clip = next((one for one in clips if "approach" in one.name), clips[0])
     return clip, {
         paint: [
             _picture(entry, paint, clip, number, boxes)
-            for number, boxes in enumerate(tracked(recorded, clip, shown.detector, paint, entry.category, tracker))
+            for number, boxes in enumerate(tracked(entry, clip, shown.detector, paint, tracker))
         ]
         for paint in (NORMAL, shown.paint)
     }

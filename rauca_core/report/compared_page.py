@@ -38,7 +38,7 @@ def write_compared(found: Compared, out: Path, command: str = "", verdicts: Sequ
     Raises:
         RaucaError: detections of a study are missing; then nothing was written.
     """
-    parts, every, ranks = _by_part(found), _by_detector(found), _ranks(found)
+    parts, every, ranks = table_by_part(found), _by_detector(found), _ranks(found)
     gaps = _gaps([one for verdict in verdicts for one in verdict.comparisons])
     told = {
         "title": "Camouflages compared",
@@ -75,7 +75,7 @@ def _lead(found: Compared) -> list[str]:
     return [f"AP@0.5, mean over {len(found.judges)} detectors that took no part: {told}."]
 
 
-def _by_part(found: Compared) -> Table:
+def table_by_part(found: Compared) -> Table:
     """A row's mean over the detectors that took no part, over their relatives and over the attacked ones."""
     means = {row: found.by_part(row).values() for row in found.rows}
     rows = [Row(row, tuple(None if one is None else _cell(one) for one in some)) for row, some in means.items()]

@@ -15,8 +15,6 @@ from ..contract.files import file_digest
 from ..study.average_precision import best_score
 from ..study.detection_cache import Found
 from ..study.parts import leading
-from ..study.results import Results
-from ..study.scores import Recorded
 from ..study.study import Entry
 from .pictures import frame_picture
 from .table import is_normal, is_random
@@ -37,11 +35,11 @@ def strongest_paint(entry: Entry) -> str:
     return min(rivals, key=lambda paint: fmean(results.table[paint][name].ap for name in detectors))
 
 
-def frame_scores(results: Results, recorded: Recorded, paint: str) -> NDArray[np.float64]:
+def frame_scores(entry: Entry, paint: str) -> NDArray[np.float64]:
     """(F,) how surely each frame's target is found in ``paint``: the mean over detectors of its best score."""
     scores = [
-        [best_score(recorded.sample(name, paint, index)) for name in results.detectors]
-        for index in range(len(results.frames))
+        [best_score(entry.recorded.sample(name, paint, index)) for name in entry.results.detectors]
+        for index in range(len(entry.results.frames))
     ]
     return np.array(scores, np.float64).mean(1)
 
@@ -116,25 +114,23 @@ class FramePicker:
 
     def grid(self, detector: str, when: str = "") -> Grid:
         """What a detector saw in the chosen frames, a row per paint; ``when`` is added to pictures' descriptions."""
-        titles = [self._title(entry, place, index) for entry, _, place, index in self._frames]
+        titles = [self._title(entry, place, index) for entry, place, index in self._frames]
         rows = {
             paint: [
                 Picture(
-                    frame_tile(entry, recorded.found(detector, paint, index), paint, index),
+                    frame_tile(entry, entry.recorded.found(detector, paint, index), paint, index),
                     f"{paint}, {title}, seen by {detector}{when}".replace("\n", ", "),
                 )
-                for title, (entry, recorded, _, index) in zip(titles, self._frames, strict=True)
+                for title, (entry, _, index) in zip(titles, self._frames, strict=True)
             ]
             for paint in self.paints
         }
         return Grid(titles, rows)
 
-    def _choose(self, entry: Entry) -> list[tuple[Entry, Recorded, str, int]]:
-        paint, recorded = self._paint, Recorded(entry)
-        if paint not in entry.results.paints:
-            paint = strongest_paint(entry)
-        chosen = placed_frames(frame_scores(entry.results, recorded, paint), self._places)
-        return [(entry, recorded, place, index) for place, index in zip(self._places, chosen, strict=True)]
+    def _choose(self, entry: Entry) -> list[tuple[Entry, str, int]]:
+        paint = self._paint if self._paint in entry.results.paints else strongest_paint(entry)
+        chosen = placed_frames(frame_scores(entry, paint), self._places)
+        return [(entry, place, index) for place, index in zip(self._places, chosen, strict=True)]
 
     def _title(self, entry: Entry, place: str, index: int) -> str:
         row = entry.results.frames[index]

@@ -15,7 +15,6 @@ from ..study import study as measured
 from ..study.defences import NO_DEFENCE
 from ..study.detectors import family_of, in_table_order
 from ..study.parts import ATTACKED, leading
-from ..study.scores import Recorded
 from ..study.study import Entry
 from .before_after import before_after
 from .figures import curve_svg, history_svg, paint_styles
@@ -163,13 +162,13 @@ def headline(study: measured.Study) -> list[str]:
 
 
 def _sentence(entry: Entry) -> str:
-    results, (_, detectors), recorded = entry.results, leading(entry.parts), Recorded(entry)
+    results, (_, detectors) = entry.results, leading(entry.parts)
     where, of = f"{weathers_title(entry.weathers).capitalize()}: ", averaged_over(entry)
     normal = next(paint for paint in results.paints if is_normal(paint))
     # Random paint alone lowers AP too: no result should be read without it.
     best = strongest_paint(entry)
     told = dict.fromkeys((normal, *filter(is_random, results.paints), best))
-    means = {paint: recorded.mean_over(detectors, paint) for paint in told}
+    means = {paint: entry.recorded.mean_over(detectors, paint) for paint in told}
     before, after = means[normal], means[best]
     values = ", ".join(f"{printed(mean.ap)} for {paint}" for paint, mean in means.items())
     if best == normal:

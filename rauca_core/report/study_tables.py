@@ -8,7 +8,6 @@ from ..study.defences import NO_DEFENCE
 from ..study.detectors import family_of, in_table_order, is_own
 from ..study.parts import ATTACKED, OWN, RELATIVE, TOOK_NO_PART, attacked_by, leading, parts_of
 from ..study.results import AXES, Estimate
-from ..study.scores import Recorded
 from ..study.study import Entry, Study
 from .table import AVERAGE, Block, Cell, Column, Row, Source, Table
 
@@ -64,7 +63,9 @@ def detector_columns(names: Sequence[str], attacked: Iterable[str]) -> tuple[Col
 
 
 def average_columns(parts: Mapping[str, Sequence[str]]) -> tuple[Column, ...]:
-    """A column per part that detectors had in the attacks, under one heading."""
+    """A column per part that detectors had in the attacks, under one heading. They stand first: tables of many
+    detectors are wider than a window.
+    """
     return (Column(AVERAGE),) if len(parts) == 1 else tuple(Column(part, AVERAGE) for part in parts)
 
 
@@ -105,20 +106,23 @@ def _table(key: str, title: str, what: str, study: Study, vehicle: str, blocks: 
     category = blocks[0][1].category.capitalize() if blocks else ""
     caption = f"{category} AP@0.5 of the {vehicle}, {what}."
     of = ("", "") if len(vehicles_of(study)) == 1 else (f"-{vehicle}", f": {vehicle}")
-    columns = (*detector_columns(names, attacked), *average_columns(parts))
+    columns = (*average_columns(parts), *detector_columns(names, attacked))
     return Table(key + of[0], title + of[1], caption, columns, tuple(drawn))
 
 
 def _rows(entry: Entry, names: Sequence[str], parts: Mapping[str, Sequence[str]]) -> tuple[Row, ...]:
-    against, recorded, here = entry.against, Recorded(entry), entry.results.detectors
+    against, here = entry.against, entry.results.detectors
     rows = []
     for paint in entry.results.paints:
-        cells = [_cell(entry, paint, name, name in against.get(paint, ())) for name in names]
+        means: list[Cell | None] = []
         for part, some in parts.items():
             met = attacked_by(parts, against.get(paint, ())) if part == ATTACKED else some
             averaged = [name for name in met if name in here]
-            cells.append(sourced(recorded.mean_over(averaged, paint), entry, "table", paint) if averaged else None)
-        rows.append(Row(paint, tuple(cells)))
+            means.append(
+                sourced(entry.recorded.mean_over(averaged, paint), entry, "table", paint) if averaged else None
+            )
+        cells = [_cell(entry, paint, name, name in against.get(paint, ())) for name in names]
+        rows.append(Row(paint, (*means, *cells)))
     return tuple(rows)
 
 
@@ -133,9 +137,9 @@ def _by_vehicle(study: Study) -> Table:
     category = {entry.vehicle: entry.category for entry in entries}
     blocks = []
     for weathers in unique(entry.weathers for entry in entries):
-        here = {entry.vehicle: (entry, Recorded(entry)) for entry in entries if entry.weathers == weathers}
-        paints = unique(paint for entry, _ in here.values() for paint in entry.results.paints)
-        cells = [[_mean(*here[v], paint) if v in here else None for v in category] for paint in paints]
+        here = {entry.vehicle: entry for entry in entries if entry.weathers == weathers}
+        paints = unique(paint for entry in here.values() for paint in entry.results.paints)
+        cells = [[_mean(here[v], paint) if v in here else None for v in category] for paint in paints]
         rows = tuple(Row(paint, tuple(row)) for paint, row in zip(paints, cells, strict=True))
         blocks.append(Block(weathers_title(weathers), rows))
     columns = tuple(Column(vehicle, of) for vehicle, of in category.items())
@@ -144,11 +148,11 @@ def _by_vehicle(study: Study) -> Table:
     return Table("vehicles", "Other vehicles", caption, columns, tuple(blocks))
 
 
-def _mean(entry: Entry, recorded: Recorded, paint: str) -> Cell | None:
+def _mean(entry: Entry, paint: str) -> Cell | None:
     """A paint's mean over the leading part of the detectors; None where the entry lacks the paint."""
     if paint not in entry.results.table:
         return None
-    return sourced(recorded.mean_over(leading(entry.parts)[1], paint), entry, "table", paint)
+    return sourced(entry.recorded.mean_over(leading(entry.parts)[1], paint), entry, "table", paint)
 
 
 def averaged_over(entry: Entry) -> str:
@@ -165,16 +169,16 @@ def curves_of(study: Study) -> dict[str, list[Table]]:
     """
     entries = study.of(vehicle=vehicles_of(study)[0], defence=NO_DEFENCE)
     return {
-        entry.weathers: [_curve(entry, recorded, axis) for axis in AXES if len(entry.results.groups[axis]) > 1]
-        for entry, recorded in ((entry, Recorded(entry)) for entry in entries)
+        entry.weathers: [_curve(entry, axis) for axis in AXES if len(entry.results.groups[axis]) > 1]
+        for entry in entries
     }
 
 
-def _curve(entry: Entry, recorded: Recorded, axis: str) -> Table:
+def _curve(entry: Entry, axis: str) -> Table:
     groups, averaged = entry.results.groups[axis], leading(entry.parts)[1]
     rows = []
     for paint in entry.results.paints:
-        means = [recorded.mean_of_group(averaged, paint, axis, group) for group in groups]
+        means = [entry.recorded.mean_of_group(averaged, paint, axis, group) for group in groups]
         cells = [sourced(m, entry, "groups", axis, str(i), "ap", paint) for i, m in enumerate(means)]
         rows.append(Row(paint, tuple(cells)))
     sizes = sorted({group.frames for group in groups})

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from ..study.candidates import NORMAL
 from ..study.results import Estimate
-from ..study.scores import Recorded
 from ..study.study import Entry
 from ..study.tradeoff import TradeOff
 from .figures import GREY, PALETTE, Style
@@ -68,9 +67,9 @@ Scores = Mapping[str, Mapping[str, Estimate]]  # [paint][WHITE or BLACK]
 
 
 def _scores(curve: TradeOff, entry: Entry) -> Scores:
-    recorded, kinds = Recorded(entry), {WHITE: curve.attacked, BLACK: _black_box(curve)}
+    kinds = {WHITE: curve.attacked, BLACK: _black_box(curve)}
     return {
-        paint: {kind: recorded.mean_over(names, paint) for kind, names in kinds.items()}
+        paint: {kind: entry.recorded.mean_over(names, paint) for kind, names in kinds.items()}
         for paint in entry.results.paints
     }
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ..study.candidates import NORMAL
 from ..study.pooled import Pool
-from ..study.scores import Recorded
 from ..study.study import Entry
 from .assessment_tables import where
 from .frames import Grid, Picture, frame_tile
@@ -42,11 +41,7 @@ class ViewPicker:
     """
 
     def __init__(self, entries: Sequence[Entry], pool: Pool, detector: str, threshold: float) -> None:
-        self._places = [
-            (entry, recorded, index)
-            for entry, recorded in ((entry, Recorded(entry)) for entry in entries)
-            for index in range(len(entry.results.frames))
-        ]
+        self._places = [(entry, index) for entry in entries for index in range(len(entry.results.frames))]
         self._pool, self._detector, self._threshold = pool, detector, threshold
         self._plain = pool.scores(NORMAL)
 
@@ -78,14 +73,14 @@ class ViewPicker:
         return WorstViews(paint, len(chosen), len(self._places), Grid(titles, rows) if shown else None)
 
     def _title(self, number: int, scores: dict[str, float]) -> str:
-        entry, _, index = self._places[number]
+        entry, index = self._places[number]
         row = entry.results.frames[index]
         found = ", ".join(f"{name} {score:.2f}" for name, score in scores.items())
         return f"{entry.vehicle}, {where(row.azimuth_deg, row.distance_m, row.weather)}\nscore in {found}"
 
     def _picture(self, number: int, paint: str, among: str) -> Picture:
-        entry, recorded, index = self._places[number]
-        found = recorded.found(self._detector, paint, index)
+        entry, index = self._places[number]
+        found = entry.recorded.found(self._detector, paint, index)
         of = "missed in plain paint" if among == NORMAL else f"lost in {among}"
         alt = f"{of}: view {self._pool.rows[number].id} in {paint}, seen by {self._detector}"
         return Picture(frame_tile(entry, found, paint, index, self._threshold), alt)

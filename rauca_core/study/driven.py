@@ -22,7 +22,6 @@ from ..motion.tracks import Boxes, require_trackers, track
 from ..motion.warning import Drive, Figures, figures
 from .candidates import NORMAL
 from .intervals import spread
-from .scores import Recorded
 from .study import Entry, Study
 
 FILE_NAME = "drives.json"  # clips.json holds the numbers of the page, as of every page
@@ -142,11 +141,11 @@ def clips_of(entry: Entry) -> list[Clip]:
     return clips
 
 
-def tracked(recorded: Recorded, clip: Clip, detector: str, paint: str, category: str, tracker: str) -> list[Boxes]:
+def tracked(entry: Entry, clip: Clip, detector: str, paint: str, tracker: str) -> list[Boxes]:
     """The tracks of a clip, without those on other vehicles."""
     found = []
     for place in clip.places:
-        cars = None if place is None else recorded.found(detector, paint, place).only(canonical(category))
+        cars = None if place is None else entry.recorded.found(detector, paint, place).only(canonical(entry.category))
         found.append(NOTHING if cars is None else Boxes(cars.boxes, cars.scores))
     tracks = track(found, 1 / clip.drive.frame_s, tracker)
     return [_without_others(boxes, frame) for boxes, frame in zip(tracks, clip.frames, strict=True)]
@@ -161,7 +160,7 @@ def measure_drives(study: Study, tracker: str = "bytetrack") -> Drives:
     require_trackers()
     every, aps = list[ClipFigures](), dict[Told, float]()
     for entry in study.entries:
-        clips, recorded = clips_of(entry), Recorded(entry)
+        clips = clips_of(entry)
         if clips and NORMAL not in entry.results.paints:
             raise RaucaError(f"{entry.folder}: lacks the plain vehicle, against which warning is lost; evaluate again")
         for detector in entry.results.detectors if clips else ():
@@ -169,7 +168,7 @@ def measure_drives(study: Study, tracker: str = "bytetrack") -> Drives:
                 told = (entry.vehicle, entry.weathers, entry.defence, paint, detector)
                 aps[told] = entry.results.table[paint][detector].ap
                 for clip in clips:
-                    found = _figures(recorded, clip, detector, paint, entry.category, tracker)
+                    found = _figures(entry, clip, detector, paint, tracker)
                     every.append(ClipFigures(clip.name, *told, **asdict(found)))
     if not every:
         raise RaucaError("evaluate: none of the views are clips; make some with `rauca dataset make --clips`")
@@ -198,8 +197,8 @@ def most_lost(drives: Drives) -> Driven | None:
     return max(painted, key=lambda row: (row.lost_s.value, row.gap_s), default=None)
 
 
-def _figures(recorded: Recorded, clip: Clip, detector: str, paint: str, category: str, tracker: str) -> Figures:
-    truth, tracks = clip.truth, tracked(recorded, clip, detector, paint, category, tracker)
+def _figures(entry: Entry, clip: Clip, detector: str, paint: str, tracker: str) -> Figures:
+    truth, tracks = clip.truth, tracked(entry, clip, detector, paint, tracker)
     return figures(clip.drive, follow(truth, tracks)[CAR], hota(truth, tracks).hota)
 
 

@@ -40,7 +40,6 @@ from .hardening import Gains, gains_of
 from .hardening_record import Figures, cost_of
 from .judging import Judges, judge
 from .other_classes import Agreement, agreement_of
-from .scores import Recorded
 from .store import link
 from .study import Entry, Study
 from .views import HeldOut, weather_sets
@@ -273,9 +272,8 @@ def _agreement(engine: Engine, study: Study, before: Chosen, after: Chosen) -> t
 
 def _beside(entry: Entry, before: str, after: str, boxes: Sequence[np.ndarray]) -> Agreement:
     """On the other objects in an entry's pictures, in every paint."""
-    seen = Recorded(entry)
     return agreement_of(
-        (seen.found(before, paint, index), seen.found(after, paint, index), box)
+        (entry.recorded.found(before, paint, index), entry.recorded.found(after, paint, index), box)
         for paint in entry.results.paints
         for index, box in enumerate(boxes)
     )

@@ -16,7 +16,7 @@ from .candidates import NORMAL
 from .harden_measures import METHOD, UNSEEN, Measures, adaptive_label
 from .intervals import Curve, difference_interval
 from .results import Estimate
-from .scores import Recorded, difference, estimate
+from .scores import difference, estimate
 from .study import Entry
 
 HELD_OUT_MEAN = "held-out, mean"
@@ -83,9 +83,8 @@ def gains_of(
     Raises:
         RaucaError: their detections are not kept any more.
     """
-    recorded = Recorded(entry)
     both = (before, after)
-    curves = {paint: [recorded.curve(detector, paint) for detector in both] for paint in entry.results.paints}
+    curves = {paint: [entry.recorded.curve(detector, paint) for detector in both] for paint in entry.results.paints}
     clean = curves[NORMAL][0]
     frames = len(entry.results.frames)
 

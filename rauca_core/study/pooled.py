@@ -14,7 +14,7 @@ from .assessment import Score
 from .average_precision import Ranking, Sample, best_score
 from .intervals import Curve, Places, share_interval
 from .mistakes import Mistakes, mistakes_in
-from .scores import Recorded, ap_curve
+from .scores import ap_curve
 from .study import Entry
 
 
@@ -31,7 +31,6 @@ class Pool:
 
     def __init__(self, entries: Sequence[Entry], detector: str, town_of: Callable[[Entry], int]) -> None:
         self._entries = tuple(entries)
-        self._recorded = [Recorded(entry) for entry in entries]
         self._detector = detector
         self._towns = [town_of(entry) for entry in entries]
         self.rows = tuple(
@@ -46,8 +45,8 @@ class Pool:
     def samples(self, paint: str) -> list[Sample]:
         """The target and the detections of its class, frame by frame."""
         return [
-            recorded.sample(self._detector, paint, index)
-            for recorded, entry in zip(self._recorded, self._entries, strict=True)
+            entry.recorded.sample(self._detector, paint, index)
+            for entry in self._entries
             for index in range(len(entry.results.frames))
         ]
 
@@ -71,12 +70,12 @@ class Pool:
         """What is wrong at a deployed score, over all frames."""
         every = (
             mistakes_in(
-                recorded.found(self._detector, paint, index),
+                entry.recorded.found(self._detector, paint, index),
                 np.array(row.box_xyxy, np.float64),
                 canonical(entry.results.settings.category),
                 threshold,
             )
-            for recorded, entry in zip(self._recorded, self._entries, strict=True)
+            for entry in self._entries
             for index, row in enumerate(entry.results.frames)
         )
         return sum(every, Mistakes())

@@ -26,6 +26,7 @@ from ..contract import RaucaError, load_camouflage
 from ..contract.files import write_json
 from ..contract.schema import Record, read_json
 from .parts import parts_of
+from .recorded import Recorded
 from .results import Results, load_results
 
 FILE_NAME = "study.json"
@@ -53,6 +54,11 @@ class Entry:
     folder: Path
     views: Path | None = None
     camouflages: dict[str, Path] = field(default_factory=dict)
+
+    @cached_property
+    def recorded(self) -> Recorded:
+        """What was detected."""
+        return Recorded(self.results, self.folder)
 
     @cached_property
     def against(self) -> dict[str, tuple[str, ...]]:

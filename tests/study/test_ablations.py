@@ -111,7 +111,7 @@ def test_training_sets_are_balanced_and_smaller_ones_are_part_of_larger_ones() -
 def entry_of(monkeypatch: pytest.MonkeyPatch, samples: dict[str, dict[str, list[Sample]]], weathers: str) -> Entry:
     """Results over eight locations, computed by the evaluation's own scores."""
     entry = Entry(weathers, "none", "sedan", "car", scored(samples), Path(weathers))
-    monkeypatch.setattr("rauca_core.study.scores.Recorded.sample", lambda _, d, p, i: samples[p][d][i])
+    monkeypatch.setattr("rauca_core.study.recorded.Recorded.sample", lambda _, d, p, i: samples[p][d][i])
     return entry
 
 

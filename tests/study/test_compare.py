@@ -40,7 +40,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> Compared:
             by = {"yolov3-tiny": hit & (row == "normal"), "yolov2-tiny": hit, "yolov8s": hit, "frcnn-synth": ~hit | hit}
             samples[paint] = {name: found_in(one) for name, one in by.items()}
     results = scored(samples)
-    monkeypatch.setattr("rauca_core.study.scores.Recorded.sample", lambda _, d, p, i: samples[p][d][i])
+    monkeypatch.setattr("rauca_core.study.recorded.Recorded.sample", lambda _, d, p, i: samples[p][d][i])
     attacked = {row: frozenset({"yolov3-tiny"} if row not in ("normal", "theirs") else ()) for row in rows}
     return Compared((Entry("seen", "none", "sedan", "car", results, Path("seen")),), rows, attacked, 20_000)
 

@@ -18,7 +18,6 @@ from rauca_core.study.average_precision import Sample, average_precision
 from rauca_core.study.detection_cache import DetectionSettings
 from rauca_core.study.detectors import check_detectors
 from rauca_core.study.results import AXES, Results
-from rauca_core.study.scores import Recorded
 from rauca_core.study.study import Entry
 from tests.study.measured import measure
 
@@ -84,7 +83,7 @@ def test_groups_follow_the_nominal_camera_and_the_weather(scene, detectors: list
     name = detectors[0].name
     assert whole.ap["noise"][name] == pytest.approx(results.table["noise"][name].ap, abs=1e-12)
     entry = Entry("seen", "none", "box", "car", results, tmp_path / "out")
-    mean, every = Recorded(entry).mean_of_group([name], "noise", "elevation_deg", whole), results.table["noise"][name]
+    mean, every = entry.recorded.mean_of_group([name], "noise", "elevation_deg", whole), results.table["noise"][name]
     assert (mean.ap, mean.low, mean.high) == pytest.approx((every.ap, every.low, every.high))
     assert (results.place_kind, results.place_count) == ("views", 8)  # one location
     clear, foggy = (group.ap["normal"][name] for group in results.groups["fog_density"])

@@ -28,7 +28,6 @@ from rauca_core.report.study_tables import tables_of
 from rauca_core.report.table import printed
 from rauca_core.study.average_precision import best_score
 from rauca_core.study.parts import leading
-from rauca_core.study.scores import Recorded
 from rauca_core.study.study import Entry, Study, load_study, save_study
 from rauca_core.study.tradeoff import Measured, TradeOff
 from tests.study.measured import measure
@@ -184,12 +183,11 @@ def test_frames_are_chosen_by_their_rule(study: Study) -> None:
     assert placed_frames(scores[:1], tuple(PLACES)) == [0] * 5
     entry = study.entries[0]
     assert strongest_paint(entry) == "noise"
-    recorded = Recorded(entry)
     for paint in ("normal", "noise"):
-        found = frame_scores(entry.results, recorded, paint)
+        found = frame_scores(entry, paint)
         assert len(found) == len(entry.results.frames)
         assert ((found >= 0) & (found <= 1)).all()
-    assert frame_scores(entry.results, recorded, "normal").mean() > found.mean()
+    assert frame_scores(entry, "normal").mean() > found.mean()
     picker = FramePicker([entry])
     assert picker.pictures == len(PLACES) * len(picker.paints)
     title = picker.grid(next(iter(entry.results.detectors))).titles[0]
@@ -225,10 +223,9 @@ def test_the_main_figures_are_files_too(study: Study, tmp_path: Path) -> None:
 def test_before_and_after_are_one_view_chosen_by_its_fall(study: Study, detectors: list[Detector]) -> None:
     entry = study.entries[0]
     found = falls(entry, detectors[0].name, "normal", "noise")
-    recorded = Recorded(entry)
     by_hand = [
-        best_score(recorded.sample(detectors[0].name, "normal", i))
-        - best_score(recorded.sample(detectors[0].name, "noise", i))
+        best_score(entry.recorded.sample(detectors[0].name, "normal", i))
+        - best_score(entry.recorded.sample(detectors[0].name, "noise", i))
         for i in range(len(entry.results.frames))
     ]
     assert found.tolist() == by_hand

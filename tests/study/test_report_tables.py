@@ -22,8 +22,8 @@ from rauca_core.report.table import BEST, SECOND, Block, Cell, Column, Row, Tabl
 from rauca_core.report.writers import escape_latex, tables_csv, tables_json, tables_latex
 from rauca_core.study.detection_cache import DetectionCache
 from rauca_core.study.detectors import family_of, in_table_order
+from rauca_core.study.recorded import Recorded
 from rauca_core.study.results import Estimate, save_results
-from rauca_core.study.scores import Recorded
 from rauca_core.study.study import Entry, Study, load_study, save_study
 from tests.study.measured import made_up
 
@@ -103,16 +103,16 @@ def test_the_tables_of_a_study(tmp_path: Path) -> None:
     main = tables["detectors-sedan"]
     assert [b.title for b in main.blocks] == ["Seen weathers", "Unseen weathers"]
     assert [b.title for b in tables["defences-sedan"].blocks] == ["No defence", "LGS"]
-    assert main.groups() == [("single-stage", 2), ("two-stage", 2), ("transformer", 1), ("Average", 3)]
+    assert main.groups() == [("Average", 3), ("single-stage", 2), ("two-stage", 2), ("transformer", 1)]
     assert [column.name for column in main.columns if column.own] == ["frcnn-synth"]
     assert [column.name for column in main.columns if column.white_box] == ["yolov3-tiny"]
     met = [(row.name, i) for row in main.blocks[0].rows for i, cell in enumerate(row.cells) if cell and cell.white_box]
-    assert met == [("ours", 0)]
-    assert [column.name for column in main.columns[-3:]] == ["took no part", "attacked", "this project's own"]
+    assert met == [("ours", 3)]
+    assert [column.name for column in main.columns[:3]] == ["took no part", "attacked", "this project's own"]
     for part, entry in zip(main.blocks, study.entries, strict=False):
         for row in part.rows:
             found = entry.results.table[row.name]
-            others, attacked, own = (cell.value for cell in row.cells[-3:] if cell)
+            others, attacked, own = (cell.value for cell in row.cells[:3] if cell)
             assert others == pytest.approx(np.mean([found[n].ap for n in DETECTORS[2:]]), abs=1e-12)
             assert (attacked, own) == (found["yolov3-tiny"].ap, found["frcnn-synth"].ap)  # never averaged together
     vehicles = tables["vehicles"]

@@ -18,7 +18,7 @@ from ..candidates import NORMAL, RANDOM
 from ..intervals import CONFIDENCE, SEEDS_NEEDED, Curve, Places, chance_of, holm
 from ..parts import leading, parts_of
 from ..results import Estimate
-from ..scores import Recorded, difference, estimate, places_of
+from ..scores import difference, estimate, places_of
 from ..study import Entry, Study
 from .experiment import Claim, Experiment, Variant
 
@@ -158,11 +158,14 @@ def score_rows(entries: Sequence[Entry], rows: Mapping[str, Sequence[str]]) -> S
     together, begin = places_of(every), 0
     curves: dict[str, dict[str, dict[str, Curve]]] = {}
     for entry in entries:
-        results, recorded = entry.results, Recorded(entry)
+        results = entry.results
         own = Places(together.kind, together.of_frame[begin : begin + len(results.frames)], together.count)
         begin += len(results.frames)
         curves[entry.weathers] = {
-            row: {name: np.stack([recorded.curve(name, paint, own) for paint in paints]) for name in results.detectors}
+            row: {
+                name: np.stack([entry.recorded.curve(name, paint, own) for paint in paints])
+                for name in results.detectors
+            }
             for row, paints in rows.items()
         }
     return Scores(curves, {entry.weathers: len(entry.results.frames) for entry in entries})
