@@ -30,6 +30,7 @@ from .reading import parse_json, read_limited, read_text
 
 MAX_JSON_BYTES = 64 * 2**20
 """The largest of ours, the results of a study of 10 000 frames in ten paints, are some 15 MiB."""
+MAKE_AGAIN = "make it again in another folder"
 MAX_NAME = 128
 """Characters of a name that becomes a folder's: file systems take 255 bytes, a suffix or two of ours included."""
 
@@ -172,14 +173,18 @@ class Fields:
             raise self._refuse(name, f"one of {', '.join(words)}")
         return value
 
-    def format(self, name: str, version: int) -> None:
-        """Check the ``format`` and ``version`` fields that open every file of the contract."""
+    def format(self, name: str, version: int, remedy: str = MAKE_AGAIN) -> None:
+        """Check the ``format`` and ``version`` fields that open every file of the contract.
+
+        Args:
+            remedy: what helps where the file is older.
+        """
         found = self.text("format")
         if found != name:
             raise RaucaError(f"{self.where}: this is a {found} file, a {name} file was expected")
         written = self.integer("version", minimum=1)
         if written != version:
-            remedy = "update rauca" if written > version else "make it again in another folder"
+            remedy = "update rauca" if written > version else remedy
             raise RaucaError(f"{self.where}: written in {name} version {written}, this rauca reads {version}; {remedy}")
 
     def done(self) -> None:
@@ -201,6 +206,8 @@ class Record:
 
     FORMAT: ClassVar[tuple[str, int] | None] = None
     """Name and version that open the file; None for an object inside another."""
+    REMEDY: ClassVar[str] = MAKE_AGAIN
+    """What helps against a file of an older version."""
 
     def to_json(self) -> dict[str, Any]:
         head = {} if self.FORMAT is None else {"format": self.FORMAT[0], "version": self.FORMAT[1]}
@@ -210,7 +217,7 @@ class Record:
     def from_json(cls, fields: Fields) -> Self:
         """Read one; raises :class:`RaucaError` naming the field that is missing, unknown or not what it must be."""
         if cls.FORMAT is not None:
-            fields.format(*cls.FORMAT)
+            fields.format(*cls.FORMAT, cls.REMEDY)
         values = {}
         for known in fields_of(cls):
             if fields.has(known.name) or (known.default is MISSING and known.default_factory is MISSING):

@@ -87,6 +87,7 @@ class Results(Record):
     """
 
     FORMAT = ("rauca-results", 5)
+    REMEDY = "run the command that made it again, in the same folder: what was rendered and detected is kept"
 
     dataset: str
     settings: DetectionSettings

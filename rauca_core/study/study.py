@@ -148,6 +148,7 @@ class _File(Record):
     """``study.json``."""
 
     FORMAT = ("rauca-study", 2)
+    REMEDY = Results.REMEDY
 
     command: str
     entries: tuple[_Row, ...]

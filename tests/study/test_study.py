@@ -53,6 +53,7 @@ def test_damaged_studies_are_named(tmp_path: Path) -> None:
     first = written["entries"][0]
     for change, complaint in [
         ({"version": 3}, "reads 2; update rauca"),
+        ({"version": 1}, "reads 2; run the command that made it again, in the same folder"),
         ({"entries": []}, "entries must be at least one"),
         ({"entries": [first, first]}, "each of its own vehicle, weathers and defence"),
         ({"entries": [first | {"results": "gone.json"}]}, "gone.json: not found"),
@@ -77,6 +78,7 @@ def test_results_survive_the_disk(tmp_path: Path) -> None:
     ("place", "bad", "complaint"),
     [
         (("version",), 6, "reads 5; update rauca"),
+        (("version",), 4, "reads 5; run the command that made it again, in the same folder"),
         (("table",), {}, "table and detectors do not fit"),
         (("images",), {}, "images and frames do not fit"),
         (("settings", "color"), 1, "settings: unknown field color"),
