@@ -39,7 +39,6 @@ class CamouflagedSamples(Samples):
         recipe: of the neural renderer; UV maps of another size are resampled, in linear light.
         varied: also show camouflages in permuted colors and faded, so that no single palette is learnt by heart.
         memory_mb: of taps kept in memory for each data set, MiB.
-        alone: annotate the vehicles that may wear one, and none that stand around.
 
     Raises:
         RaucaError: a camouflage that is damaged or fits none of the vehicles.
@@ -56,9 +55,9 @@ class CamouflagedSamples(Samples):
         recipe: TapSettings,
         varied: bool = True,
         memory_mb: int = 2048,
-        alone: bool = False,
     ) -> None:
-        super().__init__(frames, class_names, size, alone)
+        # What stands around: the detector as it was says what that is (detect/synth/student_losses.py).
+        super().__init__(frames, class_names, size, alone=True)
         self._share, self._recipe, self._folder, self._varied = share, recipe, taps, varied
         self._memory = memory_mb * 2**20
         self._caches: dict[int, TapCache] = {}

@@ -45,10 +45,6 @@ class FrameworkOrigin(Origin):
         given = self.found.files[0]
         return "" if given.is_dir() else ".safetensors" if given.suffix == ".safetensors" else ".pth"
 
-    @property
-    def keeps(self) -> bool:
-        return True
-
     def network(self, weights: Path | None = None) -> tuple[nn.Module, DetectorCard]:
         """The model ready to learn on: as it began, or with ``weights`` of an earlier round."""
         begun = _open(self.found if weights is None else self._as(weights))

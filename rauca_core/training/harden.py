@@ -184,7 +184,6 @@ class _Rounds:
             TapSettings(settings.map_size, settings.samples),
             varied=share is None,
             memory_mb=settings.memory_mb,
-            alone=self.origin.keeps,
         )
 
     def run(self, target: Path, on_test: OnTest, on_step: OnStep) -> None:

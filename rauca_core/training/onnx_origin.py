@@ -40,10 +40,6 @@ class OnnxOrigin(Origin):
     def suffix(self) -> str:
         return ".onnx"
 
-    @property
-    def keeps(self) -> bool:
-        return True
-
     def network(self, weights: Path | None = None) -> tuple[nn.Module, DetectorCard]:
         """The graph ready to learn on: as it began, or with the weights of ``weights``, a file of the same graph."""
         student = OnnxStudent(_open(resolve(self.given)), read_graph(self.weights))

@@ -13,7 +13,7 @@ from ..detect.interface import Detector
 from ..detect.load import load_detector
 from ..detect.synth.card import DetectorCard, as_detector, load_network, load_weights, save_weights
 from ..detect.synth.darknet_student import DarknetStudent
-from ..detect.synth.networks import is_darknet
+from ..detect.synth.own_student import OwnStudent
 
 ELSEWHERE = (
     "train it by its own trainer on `rauca dataset export DIR --format yolo --out OUT --camouflage FILE`, and measure "
@@ -46,15 +46,6 @@ class Origin:
         """Of the files that hold its hardened weights; none where that is a folder."""
         return ".safetensors"
 
-    @property
-    def keeps(self) -> bool:
-        """Whether the network as it was answers for all but the vehicles that may wear paint.
-
-        Taught that parked lorries and buses are there as well, yolov4-tiny came to see more of them than before, and
-        other things as such. Detectors of our own learn them as in their first training.
-        """
-        return is_darknet(self.card.name)
-
     def detector(self) -> Detector:
         """The detector before it is hardened."""
         return load_detector(self.given)
@@ -66,7 +57,8 @@ class Origin:
             before, _ = self._first()
             assert isinstance(before, DarknetStudent)
             network.remember(before.network)
-        return network, card
+            return network, card
+        return OwnStudent(network, self.detector()), card
 
     def detecting(self, network: nn.Module) -> Detector:
         """The detector that a network of :meth:`network`'s is, in evaluation mode."""
@@ -78,7 +70,7 @@ class Origin:
 
     def save(self, path: Path, network: nn.Module, card: DetectorCard) -> None:
         """Write weights with their card, which comes last."""
-        save_weights(path, network, card)
+        save_weights(path, network.network if isinstance(network, OwnStudent) else network, card)
 
     def _first(self) -> tuple[nn.Module, DetectorCard]:
         if self.weights.suffix != ".weights":

@@ -18,8 +18,11 @@ from rauca_core.attack.frames import FrameStore, render_batch
 from rauca_core.contract import Camouflage, Dataset, RaucaError, Vehicle, load_vehicle, save_camouflage
 from rauca_core.contract.files import png_bytes, write_json
 from rauca_core.contract.seeding import named_rng
-from rauca_core.detect import Detector, load_detector
+from rauca_core.detect import Detections, Detector, load_detector
 from rauca_core.detect.synth.card import load_network, read_card
+from rauca_core.detect.synth.network import Truth
+from rauca_core.detect.synth.own_student import OwnStudent
+from rauca_core.detect.synth.student_losses import with_kept
 from rauca_core.environment.frames import LightFrames
 from rauca_core.render import MipmappedTexture, TapSettings
 from rauca_core.runtime.distributed import Processes
@@ -35,6 +38,7 @@ torch.set_num_threads(1)
 
 SIZE, MAP, SAMPLES = 64, 64, 4
 CPU = torch.device("cpu")
+LABELS = torch.zeros(0, dtype=torch.int64)
 RECIPE = TapSettings(MAP, SAMPLES)
 TINY = {
     "rounds": 2, "steps": 2, "every": 2, "batch": 2, "attack_steps": 2, "attack_batch": 1, "map_size": MAP,
@@ -155,6 +159,43 @@ def test_on_a_device_a_hardening_ends_as_on_the_cpu(data: Dataset, noise: Path, 
     there, _, _ = load_network(weights)
     for one, other in zip(here.state_dict().values(), there.state_dict().values(), strict=True):
         assert (one - other).abs().max() < 1e-3
+
+
+class Finds:
+    """A detector that finds the same in every image: on the car, beside it, a sliver, and what it is not sure of."""
+
+    name, class_names, fingerprint = "finds", ("car", "bus"), ""
+    boxes = torch.tensor(
+        [[12.0, 11.0, 41.0, 30.0], [50.0, 8.0, 60.0, 20.0], [3.0, 40.0, 3.5, 60.0], [2.0, 2.0, 8.0, 8.0]]
+    )
+    scores, labels = torch.tensor([0.9, 0.8, 0.7, 0.2]), torch.tensor([1, 1, 0, 0])
+
+    def to(self, device: torch.device) -> Finds:
+        return self
+
+    def detect(self, images: torch.Tensor, threshold: float) -> list[Detections]:
+        sure = self.scores >= threshold
+        return [Detections(self.boxes[sure], self.scores[sure], self.labels[sure]) for _ in images]
+
+
+def test_what_was_found_beside_the_vehicle_is_truth_too() -> None:
+    car, nothing = Truth(torch.tensor([[10.0, 10.0, 40.0, 30.0]]), torch.tensor([0])), Truth(torch.zeros(0, 4), LABELS)
+    told, empty = with_kept(Finds(), torch.zeros(2, 3, SIZE, SIZE), [car, nothing])
+    assert told.boxes.tolist() == [[10.0, 10.0, 40.0, 30.0], [50.0, 8.0, 60.0, 20.0]]
+    assert told.labels.tolist() == [0, 1]
+    assert empty.labels.tolist() == [1, 1]  # no vehicle to lie on
+
+    network, heard = load_detector("frcnn-synth").network, list[Truth]()
+
+    class Listens(torch.nn.Module):
+        backbone, dense = network.backbone, network.dense
+
+        def losses(self, images: torch.Tensor, truths: list[Truth]) -> dict[str, torch.Tensor]:
+            heard.extend(truths)
+            return {"one": images.sum()}
+
+    OwnStudent(Listens(), Finds()).losses(torch.zeros(1, 3, SIZE, SIZE), [car])
+    assert [truth.labels.tolist() for truth in heard] == [[0, 1]]
 
 
 def digest(weights: Path) -> str:

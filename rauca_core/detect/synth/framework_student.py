@@ -14,13 +14,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn.modules.batchnorm import _BatchNorm
 
-from ..interface import DensePredictions, Detections, Detector
-from ..nms import box_iou
+from ..interface import DensePredictions, Detector
 from .network import Truth
-from .student_losses import NEAR
-
-KEPT = 0.3  # score from which on what it said elsewhere is kept
-SMALLEST = 1.0  # pixels, of the sides of what is kept: frameworks refuse empty boxes
+from .student_losses import with_kept
 
 
 class FrameworkDetector(Detector, Protocol):
@@ -96,8 +92,7 @@ class FrameworkStudent(nn.Module):
 
     def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
         """The framework's losses for the vehicles and for all that was found elsewhere before, in single precision."""
-        said = self._held[1].to(images.device).detect(images.detach(), KEPT)
-        told = [_beside(truth, found) for truth, found in zip(truths, said, strict=True)]
+        told = with_kept(self._held[1], images, truths)
         with torch.autocast(images.device.type, enabled=False):  # their matching asks for it
             return self.detector.losses(images, told)
 
@@ -105,10 +100,3 @@ class FrameworkStudent(nn.Module):
         """To another device goes the whole model, not its parameters alone."""
         self.detector.network._apply(fn)
         return super()._apply(fn, recurse)
-
-
-def _beside(truth: Truth, found: Detections) -> Truth:
-    """The vehicles, and what was found and lies on none of them."""
-    whole = (found.boxes[:, 2:] - found.boxes[:, :2]).amin(1) >= SMALLEST
-    kept = whole & ~(box_iou(found.boxes, truth.boxes) > NEAR).any(1)
-    return Truth(torch.cat([truth.boxes, found.boxes[kept]]), torch.cat([truth.labels, found.labels[kept]]))

@@ -13,12 +13,14 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ..interface import DensePredictions
+from ..interface import DensePredictions, Detections, Detector
 from ..nms import box_iou, generalized_iou
 from .network import Truth
 
 ANSWER = 3  # predictions that answer for a vehicle
 NEAR = 0.3  # overlap above which a prediction is on a vehicle, and is told nothing unless it answers
+KEPT = 0.3  # score from which on what a detector found elsewhere is truth for losses that know objects alone
+SMALLEST = 1.0  # pixels, of the sides of such truth: frameworks refuse empty boxes
 BOX_WEIGHT, CLASS_WEIGHT, KEEP_WEIGHT = 1.0, 1.0, 1.0
 # Of a probability, in float32: logarithms and their slopes stay finite, and only there. A camouflage that wins drives
 # objectness to 1e-6 and below, which is what is to be taught.
@@ -66,3 +68,21 @@ def cross_entropy(probability: Tensor, wanted: Tensor) -> Tensor:
     p, q = probability.clamp(LEAST, MOST), wanted
     least = torch.xlogy(q, q) + torch.xlogy(1 - q, 1 - q)
     return least - torch.xlogy(q, p) - torch.xlogy(1 - q, 1 - p)  # torch's own has no slope below 1e-12
+
+
+def with_kept(before: Detector, images: Tensor, truths: Sequence[Truth]) -> list[Truth]:
+    """The vehicles, and all that a detector finds in the images and that lies on none of them.
+
+    Args:
+        before: the detector as it was.
+        images: (B, 3, H, W) sRGB in [0, 1], on the device to work on.
+        truths: B of them, boxes in the images' pixels.
+    """
+    said = before.to(images.device).detect(images.detach(), KEPT)
+    return [_beside(truth, found) for truth, found in zip(truths, said, strict=True)]
+
+
+def _beside(truth: Truth, found: Detections) -> Truth:
+    whole = (found.boxes[:, 2:] - found.boxes[:, :2]).amin(1) >= SMALLEST
+    kept = whole & ~(box_iou(found.boxes, truth.boxes) > NEAR).any(1)
+    return Truth(torch.cat([truth.boxes, found.boxes[kept]]), torch.cat([truth.labels, found.labels[kept]]))
