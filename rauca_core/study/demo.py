@@ -31,7 +31,7 @@ WHITE_BOX = "yolov3-tiny"
 BLACK_BOX = ("yolov4-tiny", "yolov2-tiny")
 SEED = 1  # of the optimization and of the random paint
 RANDOM_CELL = 8  # texels; finer noise averages to grey at these distances and would be a weaker rival
-OURS = "rauca"  # what the optimized camouflage is called
+OURS = "ours"  # what the optimized camouflage is called
 
 TRAIN = Ring((0.0, 90.0, 180.0, 270.0), (6.0, 20.0), (7.0,), 45.0, 6.0, 0.3, 0.3)
 HELD_OUT = Ring((20.0, 110.0, 200.0, 290.0), (6.0, 20.0), (6.0, 8.0), 10.0, 5.0, 0.1, 0.3)
@@ -83,7 +83,7 @@ def demo(
         choice = replace(choice, category=choice.target)
         detectors = detectors_for(names, [choice.category], engine.machine)
         wanted = {"steps": size.steps, "batch": size.batch, "seed": SEED, "checkpoint_every": 50}
-        settings = make_settings(**settings_of("ours", **wanted, target=choice.target, name=OURS))
+        settings = make_settings(**settings_of("ours", **wanted, target=choice.target))
         train = _views(body, size, "train")
         held_out = _views(body, size, "held-out")
         folders = engine.make_named(
