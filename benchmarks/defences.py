@@ -114,7 +114,7 @@ def read_views(run: Path) -> Views:
 
     paints = {
         "normal": read(lambda name: dataset.frame_folder(name) / "image.png"),
-        "camouflage": read(lambda name: run / "renders" / "rauca" / f"{name}.png"),
+        "camouflage": read(lambda name: run / "renders" / "ours" / f"{name}.png"),
     }
     return Views(torch.tensor([frame.box_xyxy for frame in frames], dtype=torch.float32), paints)
 

@@ -172,7 +172,7 @@ def _blur(results: Results, folder: Path) -> None:
         "shutter, s": "{shutter_s:.4f}", "readout, s": "{readout_s:.4f}", "moments of taps": "{moments}",
         "inside, dB": "{inside_db:.1f}",
     }  # fmt: skip
-    results.table("Light maps under motion blur against such a render of the painted car", columns, rows)
+    results.table("Error of light maps under motion blur, against a blurred render of the painted car", columns, rows)
 
 
 def inside_db(dataset: Dataset, camouflage: Path, renders: Path, clips: Clips, moments: int) -> float:

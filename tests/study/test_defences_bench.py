@@ -44,7 +44,7 @@ def run(scene: Any, tmp_path: Path) -> Path:
     folder = tmp_path / "run"
     (folder / "renders").mkdir(parents=True)
     scene.dataset.folder.rename(folder / "held-out")
-    scene.noise.rename(folder / "renders" / "rauca")
+    scene.noise.rename(folder / "renders" / "ours")
     return folder
 
 
