@@ -17,8 +17,9 @@ from rauca_core.attack.losses import attack_loss
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.detect import Detector, class_index, load_detector
 from rauca_core.study.average_precision import Sample, average_precision
-from rauca_core.study.defences import NO_DEFENCE, Defence, make_defence, ready_defences
+from rauca_core.study.defences import KINDS, NO_DEFENCE, Defence, make_defence
 from rauca_core.study.defences.informed import DefendedDetector
+from rauca_core.study.defences.nutnet import NutNet, trained
 from rauca_core.study.detecting import read_frame_image
 
 from .figures import save_sheet
@@ -94,6 +95,11 @@ def bench(
     results.picture(lambda path: save_sheet(path, pictures), ".jpg", "defences.jpg")
     results.publish(out, docs, "defences.md", width=150)
     return results
+
+
+def ready_defences() -> tuple[str, ...]:
+    """The names of those that can be used: ``nutnet`` must have learnt from plain frames first."""
+    return tuple(name for name in KINDS if name != NutNet.kind or trained())
 
 
 def read_views(run: Path) -> Views:

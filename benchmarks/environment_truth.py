@@ -29,6 +29,7 @@ from rauca_core.runtime.images import read_image
 
 from .harness import Settings
 from .in_blender import run_child
+from .render_agreement import to_image
 from .render_reference import uv_map
 
 SOLID = 250 / 255  # coverage above which a pixel is inside the paint; below, on its edge
@@ -163,7 +164,7 @@ def sample_textures(
         camera = frames.places[i].frame.camera_in_vehicle
         taps = build_taps(frames.vehicle(i), camera, uv_size, SAMPLES_PER_AXIS, pyramid=pyramid)
         for name, levels in texels.items():
-            found[i, name] = taps.to_image(taps.rows(levels), torch.zeros(3, camera.height, camera.width))[None]
+            found[i, name] = to_image(taps, taps.rows(levels))[None]
     return found
 
 

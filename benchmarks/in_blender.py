@@ -20,7 +20,6 @@ from rauca_core.contract import (
     Vehicle,
     Weather,
     find_preset,
-    save_weathers,
 )
 from rauca_core.contract.files import write_json
 from rauca_core.dataset_tools.stored import FILES, load_vehicle
@@ -72,6 +71,11 @@ def weathers_of(names: Sequence[str]) -> tuple[Weather, ...]:
     """Weathers by name, from the presets ``base``, ``unseen`` and ``demo``."""
     known = {w.name: w for preset in ("demo", "unseen", "base") for w in find_preset(preset)}
     return tuple(known[name] for name in names)
+
+
+def save_weathers(path: Path, weathers: Sequence[Weather]) -> None:
+    """Write a preset file in place of the one that may be there."""
+    write_json(path, {"format": "rauca-weathers", "version": 1, "weathers": [one.to_json() for one in weathers]})
 
 
 def make_dataset(wanted: Wanted, folder: Path) -> Dataset:

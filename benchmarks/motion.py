@@ -33,7 +33,6 @@ from rauca_core.contract import (
     find_preset,
     load_camouflage,
     load_vehicle,
-    save_weathers,
 )
 from rauca_core.contract.clips import MANOEUVRES
 from rauca_core.contract.files import write_json
@@ -56,6 +55,7 @@ from rauca_core.study.views import HeldOut
 
 from .agreement import SOLID
 from .harness import Results, Settings
+from .in_blender import save_weathers
 
 FULL = Settings(
     manoeuvres=MANOEUVRES, frames=20, size=320, samples=4, speed_m_s=10.0, frame_rate=10.0, shutter_s=1 / 120,

@@ -35,10 +35,17 @@ def psnr_db(squared_errors: NDArray[np.floating]) -> float:
     return float(-10 * np.log10(mean)) if mean > 0 else float("inf")
 
 
+def to_image(taps: Taps, colors: Tensor) -> Tensor:
+    """Colors (R, 3) of the taps' pixels as an image (3, height, width), black elsewhere."""
+    black = colors.new_zeros(3, taps.height * taps.width)
+    image = black.index_copy(1, torch.from_numpy(taps.pixels.astype(np.int64)), colors.T)
+    return image.reshape(3, taps.height, taps.width)
+
+
 def premultiplied(taps: Taps, texels: Tensor) -> Image:
     """The paint layer (H, W, 3), linear: coverage times coverage-normalized texture, black elsewhere."""
     paint = torch.from_numpy(taps.alpha)[:, None] * taps.rows(texels)
-    return taps.to_image(paint, torch.zeros(3, taps.height, taps.width)).permute(1, 2, 0).contiguous().numpy()
+    return to_image(taps, paint).permute(1, 2, 0).contiguous().numpy()
 
 
 class Job(NamedTuple):

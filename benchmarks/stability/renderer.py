@@ -12,6 +12,7 @@ from rauca_core.contract import Camera, RaucaError, Vehicle, color
 from rauca_core.render import MipmappedTexture, Pyramid, build_taps, linear_to_srgb, rasterize, srgb_to_linear
 from rauca_core.render.sampler import Sampler, look_up
 
+from ..render_agreement import to_image
 from . import Checks, expect
 from .drawn import painted_box
 
@@ -133,7 +134,7 @@ def _grazing(dtype: torch.dtype) -> str:
     def image(samples: int) -> Tensor:
         taps = build_taps(box, GRAZING, 2 * MAP, samples, pyramid=pyramid)
         paint = taps.rows(pyramid(texels)) * torch.from_numpy(taps.alpha)[:, None]
-        return taps.to_image(paint, paint.new_zeros(3, 48, 48))
+        return to_image(taps, paint)
 
     best = image(16)
     errors = [float((image(s) - best).square().mean()) for s in (1, 2, 4)]

@@ -33,7 +33,7 @@ from .job import (
 from .plan import MIN_VISIBLE, REFERENCE_SRGB, Plan, PlannedFrame, Quality, Ring, Scenery, claim_folder, read_plan
 from .semantics import Box, Instance
 from .vehicle import MAX_EXTENT_M, Material, Vehicle, load_vehicle
-from .weather import Weather, find_preset, preset_notes, save_weathers, weather_from_carla
+from .weather import Weather, find_preset, preset_notes, weather_from_carla
 from .work import Shard, balanced_frames, cameras_of, chunks, in_rendering_order, planned_frames
 
 __all__ = [
@@ -46,6 +46,6 @@ __all__ = [
     "claim_folder", "clips", "exposure", "find_preset", "finish_of", "format_duration", "frame_folder", "frame_states",
     "in_rendering_order", "load_camouflage", "load_frame", "load_job", "load_passes", "load_vehicle",
     "parse_optimize_progress", "parse_progress", "planned_frames", "preset_notes", "rain",
-    "read_ledger", "read_plan", "save_camouflage", "save_frame", "save_job", "save_weathers",
+    "read_ledger", "read_plan", "save_camouflage", "save_frame", "save_job",
     "seal_dataset", "viewpoints", "weather_from_carla",
 ]  # fmt: skip

@@ -16,7 +16,6 @@ ours. Names, ranges and defaults are CARLA 0.9.15's. Two things are converted or
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,7 +24,6 @@ import numpy as np
 
 from .assets import assets_folder
 from .errors import RaucaError
-from .files import write_json
 from .schema import MAX_NAME, Fields, Record, read_json
 
 NIGHT_ALTITUDE_DEG = -18.0  # the end of astronomical twilight: a lower sun lights nothing
@@ -188,12 +186,6 @@ def find_preset(name_or_path: str) -> list[Weather]:
 def preset_notes(name_or_path: str) -> list[str]:
     """What a preset asks for that has no effect here, a line each; for the caller to tell the user."""
     return _read_preset(name_or_path)[1]
-
-
-def save_weathers(path: Path, weathers: Sequence[Weather]) -> None:
-    """Write a preset file in place of the one that may be there."""
-    name, version = _FORMAT
-    write_json(path, {"format": name, "version": version, "weathers": [weather.to_json() for weather in weathers]})
 
 
 def _read_preset(name_or_path: str) -> tuple[list[Weather], list[str]]:

@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as save_arrays
-from torch import Tensor
 
 from ..contract import Camera, RaucaError, Vehicle
 from ..contract.files import write_bytes
@@ -66,12 +64,6 @@ class Taps:
         image = np.zeros(self.height * self.width, np.float32)
         image[self.pixels] = self.alpha
         return image.reshape(self.height, self.width)
-
-    def to_image(self, colors: Tensor, background: Tensor) -> Tensor:
-        """Colors (R, 3) of the listed pixels put over a background (3, height, width)."""
-        flat = background.reshape(3, -1)
-        index = torch.from_numpy(self.pixels.astype(np.int64)).to(colors.device)
-        return flat.index_copy(1, index, colors.T).reshape(3, self.height, self.width)
 
     def save(self, path: Path, key: str = "") -> None:
         """Write one .safetensors file, atomically. ``key`` names what the taps were built from.

@@ -29,7 +29,9 @@ class Job:
     """A detector's training.
 
     Attributes:
-        network: a :class:`network.Trainable`.
+        network: takes square sRGB batches (B, 3, S, S) in [0, 1]. ``losses(images, truths)`` are scalars by name, to be
+            summed; ``dense(images)`` are predictions before non-maximum suppression, boxes in pixels; ``backbone`` is
+            the pre-trained convolutions, which learn more slowly than the rest.
         samples, train: what to show it: frames by index.
         test: measures a network in evaluation mode, which lies on ``device``.
         out: folder for checkpoints and ``rounds.jsonl``.

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.in_blender import save_weathers
 from blender_addon.scene import render
 from blender_addon.scene.blocks import all_blocks
 from blender_addon.scene.shown_weather import rain_picture
@@ -14,7 +15,7 @@ from blender_addon.scene.town import Town
 from blender_addon.scene.weather import SceneWeather
 from blender_addon.steps.weather import gallery
 from blender_addon.steps.weather.panel import state
-from rauca_core.contract import Quality, Weather, find_preset, rain, save_weathers
+from rauca_core.contract import Quality, Weather, find_preset, rain
 from rauca_core.contract.assets import assets_folder
 from tests.blender.conftest import refusal
 from tools.thumbnails import shipped_weathers

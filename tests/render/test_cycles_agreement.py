@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.render_agreement import Job, render_jobs
+from benchmarks.render_agreement import Job, render_jobs, to_image
 from rauca_core.contract import Camera, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.render import Pyramid, build_taps
@@ -48,7 +48,7 @@ def test_taps_agree_with_cycles(sedan: Vehicle, azimuth: float, elevation: float
 
     taps = build_taps(sedan, camera, MAP, samples=4, pyramid=pyramid)
     alpha = taps.coverage()
-    x_bar = taps.to_image(taps.rows(pyramid(texels)), torch.zeros(3, SIZE, SIZE)).permute(1, 2, 0).numpy()
+    x_bar = to_image(taps, taps.rows(pyramid(texels))).permute(1, 2, 0).numpy()
 
     seen, wanted = alpha >= 0.5, reference["coverage"] >= 0.5
     iou = (seen & wanted).sum() / (seen | wanted).sum()

@@ -11,6 +11,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.render_agreement import to_image
 from rauca_core.contract import Camera, RaucaError, Vehicle
 from rauca_core.render import Pyramid, Taps, build_taps
 from rauca_core.render.merge import Rows, fill_fringe
@@ -74,7 +75,7 @@ def test_fringe_reads_its_neighbors(box_vehicle: Vehicle, camera: Camera) -> Non
     charts = torch.zeros(3, MAP, MAP)  # every wall a color of its own
     charts[0, :, : MAP // 2] = charts[1, : MAP // 2] = 1
     texels = pyramid.from_map(charts)
-    image = taps.to_image(taps.rows(pyramid(texels)), torch.full((3, 64, 72), -1.0)).numpy()
+    image = to_image(taps, taps.rows(pyramid(texels))).numpy()
     for row, column in np.argwhere(bare)[::7]:
         # Its neighbors' own samples went into it; those reach at most four pixels further.
         window = (slice(max(0, row - 4), row + 5), slice(max(0, column - 4), column + 5))

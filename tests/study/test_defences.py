@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from rauca_core.contract import RaucaError
-from rauca_core.study.defences import KINDS, defence_names, make_defence
+from rauca_core.study.defences import KINDS, make_defence
 from rauca_core.study.defences.reference import BitDepth, Jpeg, Median
 
 pytestmark = pytest.mark.usefixtures("nutnet_learnt")
 NAMES = [
-    *defence_names(),
+    *KINDS,
     "jpeg:quality=30",
     "lgs:block=7,overlap=3",
     "pad:percentile=50",
@@ -71,7 +71,7 @@ def test_a_name_makes_the_same_defence_again(name: str) -> None:
 
 
 def test_fingerprints_tell_every_parameter_apart() -> None:
-    names = [*defence_names(), "jpeg:quality=74", "bits:depth=4", "median:size=5"]
+    names = [*KINDS, "jpeg:quality=74", "bits:depth=4", "median:size=5"]
     names += [f"lgs:{setting}" for setting in ("block=14", "overlap=4", "threshold=0.2", "smoothing=2")]
     names += [f"pad:{setting}" for setting in ("weight=0.4", "percentile=90", "kernel=40", "covered=0.6")]
     fingerprints = [make_defence(name).fingerprint for name in names]
@@ -111,7 +111,7 @@ def test_a_wrong_name_is_one_line_that_says_what_there_is(name: str, words: str)
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", defence_names())
+@pytest.mark.parametrize("name", KINDS)
 @pytest.mark.parametrize(
     "images",
     [

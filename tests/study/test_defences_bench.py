@@ -11,10 +11,9 @@ import pytest
 import torch
 from PIL import Image
 
-from benchmarks.defences import FULL, SIDE, bench, paste, patch_area
+from benchmarks.defences import FULL, SIDE, bench, paste, patch_area, ready_defences
 from rauca_core.contract import RaucaError
 from rauca_core.detect import Detector
-from rauca_core.study.defences import ready_defences
 
 
 def test_a_patch_covers_a_quarter_of_the_box_and_nothing_else() -> None:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from rauca_core.detect import DensePredictions, Detections
 from rauca_core.study.assessment import Defended, Score
-from rauca_core.study.defences import defence_names, make_defence
+from rauca_core.study.defences import KINDS, make_defence
 from rauca_core.study.defences.heat_maps import smooth_heat
 from rauca_core.study.defences.informed import DefendedDetector
 from rauca_core.study.defences.pad import Pad
@@ -69,7 +69,7 @@ def test_the_smooth_heat_of_pad_lies_where_its_own_does() -> None:
     assert smooth[inside].mean() > smooth[~inside].mean() + 0.3
 
 
-@pytest.mark.parametrize("name", [*defence_names(), "lgs:threshold=0.3", "jpeg:quality=30"])
+@pytest.mark.parametrize("name", [*KINDS, "lgs:threshold=0.3", "jpeg:quality=30"])
 def test_the_detector_sees_the_defence_itself_and_the_gradient_is_finite(name: str) -> None:
     defence, images = make_defence(name), picture().requires_grad_()
     pattern = torch.randn(3, 96, 96, generator=torch.Generator().manual_seed(1))

@@ -8,10 +8,11 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
+from benchmarks.defences import ready_defences
 from pipelines.cli import app
 from rauca_core.contract import RaucaError
 from rauca_core.contract.files import png_bytes
-from rauca_core.study.defences import defence_names, make_defence, nutnet, ready_defences
+from rauca_core.study.defences import KINDS, make_defence, nutnet
 from tests.study.test_defences_informed import picture
 
 PATCH = (slice(None), slice(None), slice(32, 64), slice(24, 56))  # whole blocks of the picture's square of texture
@@ -45,7 +46,7 @@ def test_the_command_teaches_it_and_without_it_the_error_names_it(
 ) -> None:
     monkeypatch.setattr(nutnet, "weights_folder", lambda: tmp_path / "weights")
     monkeypatch.setattr(nutnet, "STEPS", 3)
-    assert set(defence_names()) - set(ready_defences()) == {"nutnet"}
+    assert set(KINDS) - set(ready_defences()) == {"nutnet"}
     with pytest.raises(RaucaError, match=r"nutnet: has learnt nothing yet; run `rauca weights nutnet DATASET`"):
         make_defence("nutnet")
     (tmp_path / "frame.png").write_bytes(png_bytes((picture()[0].permute(1, 2, 0) * 255).byte().numpy()))

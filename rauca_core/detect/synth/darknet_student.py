@@ -15,7 +15,7 @@ from .student_losses import student_losses
 
 
 class DarknetStudent(nn.Module):
-    """The network of a cfg as a :class:`network.Trainable`; batch normalization is folded, so it is frozen.
+    """The network of a cfg that learns; batch normalization is folded, so it is frozen.
 
     Attributes:
         network: what learns, all of it.

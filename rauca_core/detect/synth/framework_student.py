@@ -39,7 +39,7 @@ class FrameworkDetector(Detector, Protocol):
 
 
 class FrameworkStudent(nn.Module):
-    """A framework's model as a :class:`network.Trainable`; batch normalization stays as it is.
+    """A framework's model that learns; batch normalization stays as it is.
 
     Attributes:
         names: of the parameters that learn, in the model.

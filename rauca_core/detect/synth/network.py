@@ -1,18 +1,15 @@
-"""What our networks share: the backbone that they begin with, and what the training loop and adapter ask of each."""
+"""What our networks share: the backbone that they begin with, and the truth that they learn from."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import torch
 from torch import Tensor, nn
 
 from ..darknet import read_weights
 from ..darknet_network import Convolution, DarknetNetwork, run
-from ..interface import DensePredictions
 
 STRIDES = (8, 16, 32)
 TAPS = (16, 24, 27)
@@ -68,20 +65,3 @@ class Truth:
     def to(self, device: torch.device) -> Truth:
         """The same on a device."""
         return Truth(self.boxes.to(device), self.labels.to(device))
-
-
-class Trainable(Protocol):
-    """A module that detects and learns to; images are square sRGB batches (B, 3, S, S) in [0, 1]."""
-
-    @property
-    def backbone(self) -> nn.Module:
-        """The pre-trained convolutions, which learn more slowly than the rest."""
-        ...
-
-    def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
-        """Scalar losses by name, to be summed."""
-        ...
-
-    def dense(self, images: Tensor) -> DensePredictions:
-        """Predictions before non-maximum suppression, boxes in the images' pixels; gradients flow to ``images``."""
-        ...

@@ -18,7 +18,7 @@ from .student_losses import student_losses
 
 
 class OnnxStudent(nn.Module):
-    """A graph as a :class:`network.Trainable`; whatever normalizes or drops out does so as when it infers.
+    """A graph that learns; whatever normalizes or drops out does so as when it infers.
 
     Attributes:
         names: of the tensors that learn, as in the file.

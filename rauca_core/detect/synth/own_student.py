@@ -17,7 +17,7 @@ from .student_losses import with_kept
 
 
 class OwnStudent(nn.Module):
-    """One of our own networks as a :class:`network.Trainable`.
+    """One of our own networks that goes on learning.
 
     Attributes:
         network: what learns.

@@ -5,25 +5,15 @@ from __future__ import annotations
 from ...contract import RaucaError
 from .interface import NO_DEFENCE, Defence
 from .lgs import LocalGradientsSmoothing
-from .nutnet import NutNet, trained
+from .nutnet import NutNet
 from .pad import Pad
 from .reference import BitDepth, Jpeg, Median, Nothing
 
-__all__ = ["NO_DEFENCE", "Defence", "defence_names", "make_defence", "ready_defences"]
+__all__ = ["KINDS", "NO_DEFENCE", "Defence", "make_defence"]
 
 KINDS: dict[str, type[Defence]] = {
     kind.kind: kind for kind in (Nothing, LocalGradientsSmoothing, Pad, Jpeg, BitDepth, Median, NutNet)
 }
-
-
-def defence_names() -> tuple[str, ...]:
-    """The names that :func:`make_defence` knows, ``none`` first."""
-    return tuple(KINDS)
-
-
-def ready_defences() -> tuple[str, ...]:
-    """Those that can be used: ``nutnet`` must have learnt from plain frames first."""
-    return tuple(name for name in KINDS if name != NutNet.kind or trained())
 
 
 def make_defence(name: str) -> Defence:
