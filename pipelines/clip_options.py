@@ -9,6 +9,7 @@ import typer
 from rauca_core.contract.clips import MANOEUVRES
 
 from .console import console, output
+from .tables import print_table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -40,20 +41,11 @@ def write_drives(study: Study, out: Path, tracker: str) -> Drives:
 
 def show_drives(drives: Drives) -> None:
     """Print what clips say of warning, a table per vehicle, weathers, defence and detector."""
-    from rich.table import Table
+    from rauca_core.report.clips_page import clip_tables
+    from rauca_core.report.table import Source
+    from rauca_core.study.driven import FILE_NAME
 
-    from rauca_core.study.driven import by_detector
-
-    for (vehicle, weathers, defence, detector), rows in by_detector(drives).items():
-        title = f"{detector}, {vehicle}, {weathers}, defence {defence}: {rows[0].clips} clips, tracks by "
-        columns = ("AP", "lost m", "lost s", "longest gap s", "blind", "breaks", "other track", "HOTA")
-        shown = Table("paint", *columns, title=title + drives.tracker)
-        for row in rows:
-            lost = [
-                f"{m.value:.2f}" + ("" if m.low is None else f" [{m.low:.2f}, {m.high:.2f}]")
-                for m in (row.lost_m, row.lost_s)
-            ]
-            blind = "" if row.blind is None else f"{row.blind:.0%}"
-            told = (f"{row.gap_s:.2f}", blind, f"{row.breaks}", f"{row.switches}", f"{row.hota:.3f}")
-            shown.add_row(row.paint, f"{row.ap:.3f}", *lost, *told)
-        output().print(shown)
+    for table in clip_tables(drives, Source(FILE_NAME, ("rows",))):
+        print_table(table)
+    clips = " or ".join(map(str, sorted({row.clips for row in drives.rows})))
+    output().print(f"{clips} clips, tracks by {drives.tracker}; in brackets: 95 % interval over clips")

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-from rich.table import Table
 
 import rauca_core as rauca
 
-from .console import command_line, console, output
+from .console import command_line, console
 from .options import Blender, Device, RenderDevice, Slurm, Threads, means_of
-
-if TYPE_CHECKING:
-    from rauca_core.study.hardening import Gains
+from .tables import print_table
 
 Held = Annotated[
     list[str],
@@ -83,7 +80,7 @@ def harden(
 ) -> None:
     """Fine-tune a detector on camouflages, fresh ones among them, and measure before and after on held-out ones."""
     from rauca_core.report import write_hardening
-    from rauca_core.report.hardening_page import sentences
+    from rauca_core.report.hardening_page import gains_table, sentences
     from rauca_core.study.harden_measures import Measures
     from rauca_core.study.views import HeldOut
     from rauca_core.training.settings import HardenSettings
@@ -104,8 +101,11 @@ def harden(
         )  # fmt: skip
     for path in write_hardening(found, out / "report.html"):
         console.print(f"report: {path}", highlight=False, soft_wrap=True)
-    for one in found.gains:
-        _print(one)
+    for gains in found.gains:
+        print_table(gains_table(gains, found))
+        results = gains.entry.results
+        said = f"{len(results.frames)} held-out views; in brackets: 95 % interval over {results.places}"
+        console.print(said, highlight=False, soft_wrap=True)
     for line in sentences(found):
         console.print(line, highlight=False, soft_wrap=True)
     console.print(f"weights: {found.weights}", highlight=False, soft_wrap=True)
@@ -117,18 +117,3 @@ def _times(text: str) -> tuple[int, ...]:
         return () if text == "none" else tuple(int(part) for part in text.split(","))
     except ValueError:
         raise rauca.RaucaError(f"--budgets {text}: give whole numbers such as 1,3,10, or none") from None
-
-
-def _print(gains: Gains) -> None:
-    from rauca_core.report.hardening_page import COLUMNS, rows_of
-    from rauca_core.report.table import printed
-
-    numbers, entry = COLUMNS[:-1], gains.entry
-    title = f"{entry.vehicle}, {entry.weathers}: {len(entry.results.frames)} held-out views"
-    table = Table("paint", *(column.name for column in numbers), title=title)
-    for gain in rows_of(gains):
-        found = zip((gain.before, gain.after, gain.change, gain.recovered), numbers, strict=True)
-        told = [e and [printed(value, column.kind) for value in (e.ap, e.low, e.high)] for e, column in found]
-        table.add_row(gain.paint, *(f"{one[0]} [{one[1]}, {one[2]}]" if one else "–" for one in told))
-    output(100).print(table)
-    console.print(f"in brackets: 95 % interval over {entry.results.places}")

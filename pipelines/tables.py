@@ -23,7 +23,7 @@ def print_table(table: told.Table) -> None:
     names = [f"{c.group}, {c.name}" if c.group == AVERAGE else c.name for c in table.columns]
     for block in table.blocks:
         beside = max(1, (wide.width - max(len(row.name) for row in block.rows) - FRAME_WIDTH) // CELL_WIDTH)
-        title = f"{table.caption} {block.title}".strip()
+        title = f"{table.caption or table.title} {block.title}".strip()
         for first in range(0, len(names), beside):
             some = slice(first, first + beside)
             shown = Table(table.corner or "paint", *names[some], title=title if first == 0 else None)

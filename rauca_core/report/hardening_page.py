@@ -40,7 +40,7 @@ def write_hardening(found: Hardened, out: Path) -> list[Path]:
     Raises:
         RaucaError: images or detections that are missing or have changed; then nothing was written.
     """
-    tables = [_table(gains, found) for gains in found.gains]
+    tables = [gains_table(gains, found) for gains in found.gains]
     told: dict[str, Any] = {
         "title": f"{found.before}, hardened",
         "lead": [*map(_sentence, found.gains), *sentences(found)],
@@ -54,7 +54,7 @@ def write_hardening(found: Hardened, out: Path) -> list[Path]:
     return write_study_page(found.study, out, "hardening.html", told, every, about, found.facts, limits=_LIMITS)
 
 
-def _table(gains: Gains, found: Hardened) -> Table:
+def gains_table(gains: Gains, found: Hardened) -> Table:
     """A row per paint, the vehicle's own first and the mean over the held-out ones last."""
     entry = gains.entry
 
@@ -67,11 +67,11 @@ def _table(gains: Gains, found: Hardened) -> Table:
         return Row(gain.paint, (*told, Cell(found.made.get(gain.paint, ""))))
 
     title = f"Before and after: {entry.vehicle}, {entry.weathers}"
-    rows = tuple(row(gain, *([gain.paint] if gain.paint in entry.results.paints else [])) for gain in rows_of(gains))
+    rows = tuple(row(gain, *([gain.paint] if gain.paint in entry.results.paints else [])) for gain in _rows(gains))
     return listing(f"hardening-{entry.vehicle}-{entry.weathers}", "paint", COLUMNS, rows, title)
 
 
-def rows_of(gains: Gains) -> list[Gain]:
+def _rows(gains: Gains) -> list[Gain]:
     """The vehicle's own paint, every other one, and the means over held-out ones."""
     means = (gains.held_out, gains.methods)
     return [gains.clean, *gains.rows, *(mean for mean in means if mean is not None)]
