@@ -73,13 +73,11 @@ def attack_loss(score: Tensor) -> Tensor:
     return -torch.log1p(-score * (1.0 - SCORE_SHRINK))
 
 
-ObjectiveName = Literal[
-    "eq6", "complete", "log-score", "stealth", "confidence", "three-terms", "every-cell", "attention"
-]
+ObjectiveName = Literal["eq6", "complete", "log-score", "stealth", "confidence", "every-cell", "attention"]
 
 QUIET = 1e-3  # a max H_d below this is not worth pushing: average precision counts scores from 0.005 on
 CLOSE = 0.5  # IoU beyond which ACTIVE counts a box
-ASSIGNED = 9  # boxes that FCA's three terms are means of: as many as YOLOv3 has anchors for an object
+ASSIGNED = 9  # boxes that FCA's terms are means of: as many as YOLOv3 has anchors for an object
 OVERLAP_WEIGHT, OBJECTNESS_WEIGHT, CLASS_WEIGHT = 0.05, 1.0, 0.5  # of FCA, those of the detector's own training
 
 # FCA's public code adds up the means of YOLOv3's three layers, those of objectness 4, 1 and 0.4 times; here one mean is
@@ -140,24 +138,6 @@ def confidence(given: Predicted) -> Tensor:
     return attack_loss(_highest(found.classes[..., given.label] * found.objectness, touching))
 
 
-def three_terms(given: Predicted) -> Tensor:
-    """FCA's detection loss: overlap, objectness and class of the boxes assigned to the vehicle, a weighted sum.
-
-    Assigned are those that overlap it most.
-    """
-    found = given.predictions
-    overlap = box_overlap(found.boxes, given.truth)
-    number = min(ASSIGNED, overlap.shape[1])
-    if number == 0:
-        return torch.zeros_like(given.score)
-    best = overlap.detach().topk(number, 1).indices
-    terms = torch.stack([t.gather(1, best) for t in (overlap, found.objectness, found.classes[..., given.label])])
-    assigned = (terms[0].detach() > 0).to(terms)
-    means = (terms * assigned).sum(2) / assigned.sum(1).clamp(min=1)
-    weights = means.new_tensor([OVERLAP_WEIGHT, OBJECTNESS_WEIGHT, CLASS_WEIGHT])
-    return torch.mv(means.T, weights)
-
-
 def every_cell(given: Predicted) -> Tensor:
     """FCA's loss as its public code has it: three terms, of which objectness is of every cell.
 
@@ -206,7 +186,6 @@ OBJECTIVES: dict[ObjectiveName, Callable[[Predicted], Tensor]] = {
     "log-score": log_score,
     "stealth": stealth,
     "confidence": confidence,
-    "three-terms": three_terms,
     "every-cell": every_cell,
     "attention": attention,
 }
