@@ -19,17 +19,12 @@ SPREAD_LIMIT = 0.05  # of the texel density within a chart, see `atlas.density_s
 MAX_COSTS = (16.0, 4.0, 2.0, 1.0, 0.5, 0.25)  # xatlas's: large charts first, smaller ones where they stretch too much
 
 
-def unwrap(
-    vehicle: Vehicle,
-    size: int = ATLAS_SIZE,
-    padding: int = PADDING_TEXELS,
-    groups: Integers | None = None,
-) -> Vehicle:
+def unwrap(vehicle: Vehicle, size: int = ATLAS_SIZE, groups: Integers | None = None) -> Vehicle:
     """Give the paint faces a UV atlas of their own, and the paint mask that goes with it.
 
     Charts do not overlap, share one texel density (within a chart it spreads by at most ``SPREAD_LIMIT`` wherever
-    xatlas can cut that small) and lie at least ``padding`` empty texels apart and from the border; the mask spreads
-    ``MASK_DILATION`` texels into that gap. Faces that are not paint get UV 0.
+    xatlas can cut that small) and lie at least ``PADDING_TEXELS`` empty texels apart and from the border; the mask
+    spreads ``MASK_DILATION`` texels into that gap. Faces that are not paint get UV 0.
 
     Args:
         size: of the square atlas, texels.
@@ -52,10 +47,10 @@ def unwrap(
         spread = density_spread(flat, vehicle.positions, faces, _charts(faces, flat))
         if spread.max() <= SPREAD_LIMIT:
             break
-    return repack(vehicle, flat, size, padding)
+    return repack(vehicle, flat, size)
 
 
-def repack(vehicle: Vehicle, flat: Points, size: int = ATLAS_SIZE, padding: int = PADDING_TEXELS) -> Vehicle:
+def repack(vehicle: Vehicle, flat: Points, size: int = ATLAS_SIZE) -> Vehicle:
     """Pack flattened paint faces (F_paint, 3, 2) into an atlas, each chart scaled to its area on the surface.
 
     Returns and raises as :func:`unwrap`.
@@ -66,8 +61,9 @@ def repack(vehicle: Vehicle, flat: Points, size: int = ATLAS_SIZE, padding: int 
     _, area = face_normals(vehicle.positions, faces)
     ratio = np.bincount(chart, area) / np.maximum(np.bincount(chart, np.abs(signed_uv_area(flat))), 1e-30)
     uvs = np.zeros_like(vehicle.uvs)
-    uvs[paint] = pack_charts(flat * np.sqrt(ratio)[chart][:, None, None], chart, size, padding)
-    return replace(vehicle, uvs=uvs, paint_mask=chart_mask(uvs[paint], size), padding_texels=padding, base_texture=None)
+    uvs[paint] = pack_charts(flat * np.sqrt(ratio)[chart][:, None, None], chart, size, PADDING_TEXELS)
+    mask = chart_mask(uvs[paint], size)
+    return replace(vehicle, uvs=uvs, paint_mask=mask, padding_texels=PADDING_TEXELS, base_texture=None)
 
 
 def chart_mask(uvs: Floats, size: int) -> NDArray[np.uint8]:

@@ -85,7 +85,7 @@ def hota(truth: Sequence[Boxes], tracks: Sequence[Boxes]) -> Hota:
     return Hota(*(float(part.mean()) for part in (np.sqrt(detection * association), detection, association)))
 
 
-def follow(truth: Sequence[Boxes], tracks: Sequence[Boxes], at: float = SAME) -> dict[int, Followed]:
+def follow(truth: Sequence[Boxes], tracks: Sequence[Boxes]) -> dict[int, Followed]:
     """Which track has each thing in each frame, matched as CLEAR MOT does: who had it keeps it while it overlaps."""
     ids = sorted({int(i) for boxes in truth for i in boxes.values})
     seen = {i: np.zeros(len(truth), bool) for i in ids}
@@ -98,7 +98,7 @@ def follow(truth: Sequence[Boxes], tracks: Sequence[Boxes], at: float = SAME) ->
             continue
         same = overlap(there.xyxy, told.xyxy)
         kept = np.array([[last.get(i) == j for j in told.values.tolist()] for i in there.values.tolist()])
-        worth = np.where(same >= at - ROUNDING, same + 1000.0 * kept, 0.0)
+        worth = np.where(same >= SAME - ROUNDING, same + 1000.0 * kept, 0.0)
         rows, columns = linear_sum_assignment(worth, maximize=True)
         pairs = [(r, c) for r, c in zip(rows, columns, strict=True) if worth[r, c] > ROUNDING]
         last = {int(there.values[r]): int(told.values[c]) for r, c in pairs}

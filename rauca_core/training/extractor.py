@@ -34,11 +34,12 @@ from .loop import AveragedCopy, RoundReport, Run, Task, read_ledger, run_task
 from .settings import ExtractorSettings
 
 WINDOW = 5  # epochs
+GAMMA = 0.5  # what the epoch before counts in a smoothed error
 
 
-def smoothed(errors: Sequence[float], gamma: float = 0.5) -> list[float]:
+def smoothed(errors: Sequence[float]) -> list[float]:
     """MS_i of S_i, i from 0."""
-    return [s if i == 0 else gamma * errors[i - 1] + (1 - gamma) * s for i, s in enumerate(errors)]
+    return [s if i == 0 else GAMMA * errors[i - 1] + (1 - GAMMA) * s for i, s in enumerate(errors)]
 
 
 def converged_epoch(errors: Sequence[float], eta: float = 0.003) -> int | None:

@@ -4,7 +4,7 @@ from rauca_core.training.extractor import converged_epoch, smoothed
 
 
 def test_smoothing_is_the_papers():
-    assert smoothed([1.0, 0.5, 0.0], gamma=0.5) == [1.0, 0.75, 0.25]
+    assert smoothed([1.0, 0.5, 0.0]) == [1.0, 0.75, 0.25]
 
 
 def test_a_flat_curve_converges_at_the_fifth_epoch_and_no_sooner():

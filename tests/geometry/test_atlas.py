@@ -68,7 +68,7 @@ def test_report_measures_padding(box_vehicle):
 
 def test_unwrap_gives_a_fresh_box_a_clean_atlas(box_vehicle):
     broken = replace(box_vehicle, uvs=np.zeros_like(box_vehicle.uvs))
-    fresh = unwrap(broken, size=256, padding=4)
+    fresh = unwrap(broken, size=256)
     report = atlas_report(fresh)
     assert (report.overlap, report.out_of_range, report.degenerate) == (0.0, 0, 0)
     assert report.padding_texels >= 4
@@ -77,7 +77,7 @@ def test_unwrap_gives_a_fresh_box_a_clean_atlas(box_vehicle):
     assert report.density_of_charts < 0.001
     assert report.utilisation > 0.5
     assert (fresh.uvs[~fresh.paint_faces()] == 0).all()
-    assert unwrap(broken, size=256, padding=4).atlas_id == fresh.atlas_id
+    assert unwrap(broken, size=256).atlas_id == fresh.atlas_id
 
 
 def test_groups_never_share_a_chart(box_vehicle):

@@ -26,7 +26,7 @@ ROUNDS = 30  # of k-means
 MAX_TEXT_BYTES = 2**16  # 64 colors and room for spaces
 
 
-def read_palette(given: str, colors: int, seed: int = 0) -> tuple[str, ...]:
+def read_palette(given: str, colors: int) -> tuple[str, ...]:
     """The colors ``#rrggbb`` that a user means.
 
     Args:
@@ -47,7 +47,7 @@ def read_palette(given: str, colors: int, seed: int = 0) -> tuple[str, ...]:
                 f"--palette {given}: not readable ({told}); give colors, a text file or an image"
             ) from None
     else:
-        found = colors_of_image(Path(given), colors, seed)
+        found = colors_of_image(Path(given), colors)
     found = [color.strip().lower() for color in found if color.strip()]
     for color in found:
         parse_color(color, "--palette")
@@ -56,13 +56,13 @@ def read_palette(given: str, colors: int, seed: int = 0) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def colors_of_image(path: Path, count: int, seed: int = 0) -> list[str]:
+def colors_of_image(path: Path, count: int) -> list[str]:
     """The ``count`` colors ``#rrggbb`` of an image that k-means finds, darkest first."""
     if not 1 <= count <= MOST:
         raise RaucaError(f"--palette-colors {count}: choose 1 to {MOST}")
     image = read_image(path)
     pixels = (np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image).reshape(-1, 3)
-    rng = named_rng(seed, "palette")
+    rng = named_rng(0, "palette")
     centers = cluster(pixels[rng.integers(0, len(pixels), PIXELS)] / 255.0, count, rng)
     return ["#{:02x}{:02x}{:02x}".format(*row) for row in np.rint(centers * 255).astype(int)]
 

@@ -22,7 +22,7 @@ from .place import Place
 from .sources import Sources
 from .splat import farther, splat
 
-NEAREST = 6  # sources that a view is composed from
+NEAREST = 6  # sources that a view is composed from, by direction
 SHARPNESS = 8.0  # of the weights of what surrounds the vehicle: a half at 7 degrees
 MIRROR_SHARPNESS = 12.0  # on the vehicle, which mirrors
 SAME_BODY = 0.006  # of the depth: the vehicle's own is known to the float16 of the sources
@@ -77,7 +77,6 @@ def compose(
     reference_linear: Image,
     seed: int = 0,
     gain: Image | None = None,
-    nearest: int = NEAREST,
 ) -> Composed:
     """Compose one view.
 
@@ -88,7 +87,6 @@ def compose(
         seed: of the data set: names the rain.
         gain: (H, W, 3) linear A per paint coverage, without rain and exposure; warped from the sources if None, and
             where it is NaN. What stands before the vehicle hides it, whichever it is.
-        nearest: how many sources are asked, those nearest by direction.
 
     Raises:
         RaucaError: the camera's size differs from that of the sources.
@@ -98,7 +96,7 @@ def compose(
     if (view.camera.width, view.camera.height) != (width, height):
         told = f"{view.camera.width}x{view.camera.height} pixels, the sources have {width}x{height}"
         raise RaucaError(f"view {view.id}: the camera has {told}; draw views of the data set's own size")
-    chosen = place.nearest(lens.eye, nearest)
+    chosen = place.nearest(lens.eye, NEAREST)
     body = see_body(vehicle, view.camera.relative_to(pose))
     around, depth = _surroundings(place.around, chosen, lens, body)
     hidden = (around.weight > 0) & (depth > 0) & (depth < body.depth - IN_FRONT_M) & (body.vehicle > 0)

@@ -23,7 +23,7 @@ from ..exact import require_light
 from ..irradiance import Irradiance
 from ..paint_surface import LIGHT_SIZE, PaintSurface
 from ..place_light import PlaceLight
-from .compose import NEAREST, Composed, View, compose
+from .compose import Composed, View, compose
 from .place import Place
 
 LOG = logging.getLogger(__name__)
@@ -53,7 +53,6 @@ class Views(Sequence[Composed]):
         ring: Ring | None = None,
         jitter: Ring | None = None,
         seed: int = 0,
-        nearest: int = NEAREST,
         memory_mb: int = MEMORY_MB,
         pyramid: Pyramid | None = None,
     ) -> None:
@@ -65,7 +64,6 @@ class Views(Sequence[Composed]):
             ring: of the new cameras; by default one that fills the space between the data set's own.
             jitter: a ring whose jitters are taken in place of those of ``ring``.
             seed: names the jitter.
-            nearest: sources that a view is composed from.
             memory_mb: of the sources that are kept in memory.
             pyramid: of the taps that :meth:`lit_through` is called with; None if of none.
 
@@ -94,7 +92,7 @@ class Views(Sequence[Composed]):
         self._shots = Shots(chosen, self.plan.size, named_seed(self.plan.seed, "views", seed))
         self._center = (self.vehicle.positions.min(axis=0) + self.vehicle.positions.max(axis=0)).astype(np.float64) / 2
         self._reference = srgb_to_linear(np.array(self.plan.reference_srgb) / 255.0)
-        self._nearest, self._budget = nearest, memory_mb * 2**20
+        self._budget = memory_mb * 2**20
         self._paint_light = PaintLight.of(dataset, pyramid)
         self._places: OrderedDict[tuple[int, str], tuple[Place, Irradiance | None]] = OrderedDict()
         self._lock = threading.Lock()
@@ -115,7 +113,7 @@ class Views(Sequence[Composed]):
         place, light = self._place(task)
         if light is not None and self._paint_light is not None:
             gain = self._paint_light.gain(light, self.camera_in_vehicle(index), taps)
-        return compose(place, self.view(task), self.vehicle, self._reference, self.plan.seed, gain, self._nearest)
+        return compose(place, self.view(task), self.vehicle, self._reference, self.plan.seed, gain)
 
     def camera_in_vehicle(self, index: int) -> Camera:
         """The camera of a view in the vehicle's frame."""
