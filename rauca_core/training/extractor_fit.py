@@ -9,7 +9,6 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from ..contract import RaucaError
 from ..contract.files import write_json
 from ..contract.seeding import named_seed
 from ..environment.extractor import LightSplitter, PublishedEfe
@@ -50,8 +49,6 @@ def fit(
     Raises:
         RaucaError: unusable data sets, settings, folder or weights; a loss that is not finite.
     """
-    if wanted.settings.method != "ours":
-        raise RaucaError(f"method: {wanted.settings.method} is trained by `rauca bench environment` only; choose ours")
     frames = LightFrames([*wanted.datasets, *wanted.tests], wanted.settings.memory_mb, wanted.settings.size)
     settings = wanted.settings
     chosen, held_out = wanted.split(frames, settings.split, settings.test_share, settings.seed)

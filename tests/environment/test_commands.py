@@ -74,9 +74,6 @@ def test_held_out_data_sets(dataset, dataset_factory, box_vehicle, tmp_path):
     _, card = load_extractor(path)
     assert [(d["name"], d["frames"], d["tested on"]) for d in card.data] == [("data", 8, 0), ("other", 4, 4)]
     assert len(outcome.errors) == 2
-    published = ExtractorSettings.make(method="published-final")
-    with pytest.raises(RaucaError, match="choose ours"):
-        fit(Fit(datasets=[dataset.folder], out=tmp_path / "no", settings=published))
 
 
 def test_light_is_estimated_where_none_was_rendered(dataset, dataset_factory, box_vehicle, tmp_path, weights):
