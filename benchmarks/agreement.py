@@ -13,7 +13,6 @@ from statistics import mean, median
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from pipelines.console import progress_bars
 from rauca_core.contract import Dataset, Frame, RaucaError, load_camouflage, load_vehicle
@@ -26,7 +25,7 @@ from rauca_core.study.engine import Engine
 from rauca_core.study.store import Store, store_around
 
 from .figures import Line, Panel, save_figure
-from .harness import Results, Settings
+from .harness import Results, Settings, psnr_db
 
 # Of the frames, one in so many is rendered anew in the camouflage; unfiltered and with many samples, since a denoised
 # render of few is further from the truth than the prediction that it judges. Three does not divide the number: three
@@ -34,6 +33,7 @@ from .harness import Results, Settings
 REFERENCE_EVERY, REFERENCE_SAMPLES = 23, 128
 DB = ("inside_db", "edge_db")
 SOLID = 250 / 255  # paint coverage above which a pixel counts as inside; below, as edge
+MOST_DB = 100.0  # of a frame without a difference
 
 
 def bench(out: Path, dataset: Path, camouflage: Path, samples: tuple[int, ...] = (1, 2, 4, 8)) -> Results:
@@ -157,9 +157,6 @@ def _compare(
     inside = edge = None
     if rendered.is_file():
         error = (read_image(rendered) / np.float32(255) - predicted) ** 2
-        inside, edge = _psnr(error[coverage > SOLID]), _psnr(error[(coverage > 0) & (coverage <= SOLID)])
+        regions = error[coverage > SOLID], error[(coverage > 0) & (coverage <= SOLID)]
+        inside, edge = (psnr_db(region, MOST_DB) if region.size else None for region in regions)
     return FrameAgreement(frame.id, iou, inside, edge, build_ms, apply_ms)
-
-
-def _psnr(squared_error: NDArray[np.float32]) -> float | None:
-    return float(-10 * np.log10(max(squared_error.mean(), 1e-10))) if squared_error.size else None

@@ -84,11 +84,6 @@ def _product(found: NDArray[np.floating], first: NDArray[np.floating], second: N
     return ((found - first).astype(np.float64) * (found - second)).astype(np.float32)
 
 
-def psnr_db(squared: Sequence[float]) -> float:
-    """Peak signal to noise ratio of the mean of squared errors; the peak is 1, display white; 80 dB at most."""
-    return -10 * math.log10(max(float(np.mean(squared)), 1e-8))
-
-
 def naive_samples(entries: Sequence[Row]) -> int:
     """Samples of one denoised render whose PSNR equals that of the default light maps, the first of ``entries``.
 

@@ -7,6 +7,7 @@ fills :class:`Results` and writes them to ``out`` (JSON) and, where ``docs`` is 
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 import time
@@ -18,7 +19,7 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic_core import to_json
 from rich.table import Table as Printed
 
@@ -173,6 +174,13 @@ def fill_between(page: Path, begin: str, end: str, text: str) -> None:
     if not begins or not ends:
         raise RaucaError(f"{page}: the marks for what is written here are gone; put {begin} and {end} back")
     write_bytes(page, f"{before}{begin}\n\n{text}\n{end}{after}".encode())
+
+
+def psnr_db(squared_errors: ArrayLike, most_db: float = math.inf) -> float:
+    """Peak signal to noise ratio of values in [0, 1] by their squared errors, ``most_db`` at most; NaN of none."""
+    errors = np.asarray(squared_errors, np.float64)
+    mean = float(errors.mean()) if errors.size else math.nan
+    return most_db if mean <= 0 else min(-10 * math.log10(mean), most_db)
 
 
 class Clock:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 import json
+import os
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -50,6 +51,12 @@ def child() -> None:
         getattr(importlib.import_module(f"benchmarks.{module}"), name)(**request)
     except RaucaError as error:
         sys.exit(f"error: {error}")
+
+
+def children_s() -> float:
+    """CPU seconds of all processes that this one has started and that have ended."""
+    used = os.times()
+    return used.children_user + used.children_system
 
 
 class Wanted(NamedTuple):

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import resource
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -54,8 +53,8 @@ from rauca_core.study.store import Store
 from rauca_core.study.views import HeldOut
 
 from .agreement import SOLID
-from .harness import Results, Settings
-from .in_blender import save_weathers
+from .harness import Results, Settings, psnr_db
+from .in_blender import children_s, save_weathers
 
 FULL = Settings(
     manoeuvres=MANOEUVRES, frames=20, size=320, samples=4, speed_m_s=10.0, frame_rate=10.0, shutter_s=1 / 120,
@@ -207,7 +206,7 @@ def inside_db(dataset: Dataset, camouflage: Path, renders: Path, clips: Clips, m
         rendered = read_image(renders / f"{frame.id}.png").reshape(-1, 3) / np.float32(255)
         inside = read_image(dataset.frame_folder(frame.id) / "paint.png").ravel() / 255 > SOLID
         errors.append((rendered - predicted)[inside] ** 2)
-    return float(-10 * np.log10(np.concatenate(errors).mean()))
+    return psnr_db(np.concatenate(errors))
 
 
 def seen_at(before: Frame, frame: Frame, after: Frame, later_s: float) -> Camera:
@@ -240,10 +239,10 @@ def _measured(results: Results, folder: Path) -> Iterator[None]:
     Of a run that was killed neither time nor frames count.
     """
     kept = folder / "cpu.json"
-    before, had, began = json.loads(kept.read_text()) if kept.is_file() else {}, _rendered(folder), _children_s()
+    before, had, began = json.loads(kept.read_text()) if kept.is_file() else {}, _rendered(folder), children_s()
     yield
     used = {
-        "cpu_s": before.get("cpu_s", 0.0) + _children_s() - began,
+        "cpu_s": before.get("cpu_s", 0.0) + children_s() - began,
         "frames": before.get("frames", 0) + _rendered(folder) - had,
     }
     write_json(kept, used)
@@ -278,8 +277,3 @@ def _tell(results: Results, drives: Drives) -> None:
     results.figures["warning_lost_m"] = {
         f"{row.paint}, {row.detector}": row.lost_m.to_json() for row in drives.rows if row.paint != NORMAL
     }
-
-
-def _children_s() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime

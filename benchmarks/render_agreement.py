@@ -16,7 +16,7 @@ from rauca_core.contract import Camera, Progress, Vehicle
 from rauca_core.render import Pyramid, Taps, build_taps, rasterize
 from rauca_core.render.surface import find_surface
 
-from .harness import Row, Settings
+from .harness import Row, Settings, psnr_db
 from .in_blender import run_child
 from .render_reference import box_of, random_cameras
 
@@ -27,12 +27,6 @@ REACH = 2  # pixels around the car that the filter may touch
 CELLS = 64  # of the colorful texture, along each axis of the map
 SOLID, FAINT = 0.999, 0.02  # coverage above which a pixel is inside; below which it is not compared
 Image = NDArray[np.float32]
-
-
-def psnr_db(squared_errors: NDArray[np.floating]) -> float:
-    """Peak signal-to-noise ratio of values in [0, 1]; infinite for a perfect match."""
-    mean = float(np.mean(squared_errors, dtype=np.float64))
-    return float(-10 * np.log10(mean)) if mean > 0 else float("inf")
 
 
 def to_image(taps: Taps, colors: Tensor) -> Tensor:

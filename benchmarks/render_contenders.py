@@ -14,8 +14,8 @@ from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import MipmappedTexture, Pyramid, Taps, build_taps
 from rauca_core.render.sampler import Sampler
 
-from .harness import Clock, Settings
-from .render_agreement import premultiplied, psnr_db
+from .harness import Clock, Settings, psnr_db
+from .render_agreement import premultiplied
 from .render_reference import TEXTURES, RayCaster, Reference, render_reference, ring, uv_map
 
 ALGORITHM_2 = "Algorithm 2, 2x2"

@@ -11,7 +11,6 @@ views, and those rendered here get them. Reading it is timed apart: `optimize` d
 
 from __future__ import annotations
 
-import resource
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -33,8 +32,8 @@ from rauca_core.environment.views.drawn import PaintLight
 from rauca_core.runtime.images import read_image
 
 from .figures import save_sheet
-from .harness import Results, Row, Settings, counted
-from .in_blender import Wanted, make_dataset, weathers_of
+from .harness import Results, Row, Settings, counted, psnr_db
+from .in_blender import Wanted, children_s, make_dataset, weathers_of
 
 FULL = Settings(
     vehicles=("sedan", "suv"), finishes=("car_paint", "sticker"), size=320, azimuths=8, elevations="8,20",
@@ -49,6 +48,7 @@ Pictures = dict[str, NDArray[np.float32]]  # by what they show
 FRAMES = 1000  # of a place, over which its sources are shared out
 FLIGHT = 8  # frames of the picture of a camera that flies around
 SOLID = 0.99  # coverage from which a pixel is no edge
+MOST_DB = 100.0  # of what shows no difference
 WANTED = {"paint_db": 34.0, "edge_db": 30.0, "frame_db": 26.0, "frames_per_s": 20.0, "speedup_vs_cycles": 100.0}
 
 
@@ -94,9 +94,9 @@ def _rendered(settings: Settings, folder: Path) -> Iterator[tuple[Dataset, Datas
                 for name, options in (("sources", around), ("truth", drawn))
             ]
             there = (folder / "views" / wanted[0].folder_name).exists()
-            began, began_s = time.perf_counter(), _children_s()
+            began, began_s = time.perf_counter(), children_s()
             sources = make_dataset(wanted[0], folder / "views")
-            wall, spent = time.perf_counter() - began, _children_s() - began_s
+            wall, spent = time.perf_counter() - began, children_s() - began_s
             cpu_s = float("nan") if there else _of_frames(sources, spent, wall)
             list(light_places(sources.folder))
             yield sources, make_dataset(wanted[1], folder / "views"), cpu_s
@@ -106,12 +106,6 @@ def _of_frames(rendered: Dataset, spent: float, wall: float) -> float:
     """CPU seconds a frame, of a rendering that ``spent`` so many in ``wall`` seconds: its start is no frame's."""
     seconds = [entry.seconds for entry in read_ledger(rendered.folder).values() if entry.seconds]
     return spent * min(sum(seconds) / wall, 1.0) / len(seconds) if seconds else float("nan")
-
-
-def _children_s() -> float:
-    """CPU seconds of all processes that this one has started and that have ended."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def _measure(results: Results, rendered: Dataset, judges: Dataset, rounds: int, cpu_s: float) -> dict[str, Pictures]:
@@ -222,21 +216,16 @@ def compare(
     assert made.passes.A is not None
     stops = np.float32(2.0 ** (frame.exposure_stops - made.frame.exposure_stops))
     gain, true_gain = linear_to_srgb(0.5 * stops * made.passes.A), linear_to_srgb(0.5 * light.A)
+    off, gain_off = (found - true) ** 2, (gain - true_gain) ** 2
     ours, theirs = made.frame.box_xyxy, frame.box_xyxy
     errors = {
-        "frame_db": _psnr(found, true, np.ones_like(vehicle, bool)),
-        "vehicle_db": _psnr(found, true, vehicle > 0.5),
-        "paint_db": _psnr(gain, true_gain, paint > SOLID),
-        "edge_db": _psnr(gain, true_gain, (paint > 0) & (paint <= SOLID)),
+        "frame_db": psnr_db(off, MOST_DB),
+        "vehicle_db": psnr_db(off[vehicle > 0.5], MOST_DB),
+        "paint_db": psnr_db(gain_off[paint > SOLID], MOST_DB),
+        "edge_db": psnr_db(gain_off[(paint > 0) & (paint <= SOLID)], MOST_DB),
         "box_px": float(np.abs(np.subtract(ours, theirs)).max()) if ours and theirs else float(ours != theirs),
     }
     return errors, {"composed": found, "rendered": true, "error x 4": np.clip(4 * np.abs(found - true), 0, 1)}
-
-
-def _psnr(found: NDArray[np.float32], true: NDArray[np.float32], where: NDArray[np.bool_]) -> float:
-    if not where.any():
-        return float("nan")
-    return float(-10 * np.log10(max(float(np.mean((found[where] - true[where]) ** 2)), 1e-10)))
 
 
 def _mean(values: Sequence[float]) -> float:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.dataset import FULL, KINDS, MAPS, SINGLE, Halves, bench, naive_samples, psnr_db, squared_errors
-from benchmarks.harness import Results, Row
+from benchmarks.dataset import FULL, KINDS, MAPS, SINGLE, Halves, bench, naive_samples, squared_errors
+from benchmarks.harness import Results, Row, psnr_db
 from rauca_core.contract.color import linear_to_srgb
 
 TINY = FULL.but(

@@ -21,7 +21,7 @@ def render(folder: Path, *frames: str) -> None:
 
 def test_a_frames_cost_is_the_mean_over_all_runs_that_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([100.0, 108.0, 50.0, 60.0, 65.0, 0.0, 0.5])  # the run that is stopped reads it once
-    monkeypatch.setattr(motion, "_children_s", lambda: next(clock))
+    monkeypatch.setattr(motion, "children_s", lambda: next(clock))
     folder, told = tmp_path / "study", []
 
     def run(*frames: str, stopped: bool = False) -> None:
