@@ -96,7 +96,7 @@ NAME_KEY = "rauca_vehicle"  # custom property of the object: the shipped vehicle
 
 def shipped_names() -> list[str]:
     """Names of the shipped vehicles."""
-    return sorted(p.parent.name for p in (assets.assets_folder() / "vehicles").glob("*/vehicle.json"))
+    return list(assets.shipped_vehicles())
 
 
 def load_shipped(name: str) -> contract.Vehicle:

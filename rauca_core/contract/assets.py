@@ -14,3 +14,8 @@ def assets_folder() -> Path:
         if (base / "assets" / "weathers").is_dir():
             return base / "assets"
     raise RaucaError(f"{package}: the assets folder is missing; install rauca again")
+
+
+def shipped_vehicles() -> dict[str, Path]:
+    """The folders of the procedural vehicles by their names, in order."""
+    return {path.parent.name: path.parent for path in sorted((assets_folder() / "vehicles").glob("*/vehicle.json"))}

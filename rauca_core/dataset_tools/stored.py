@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .. import contract
 from ..contract import Box, Dataset, Frame, ImportVehicle, RaucaError, Vehicle, VehicleSource, load_passes
-from ..contract.assets import assets_folder
+from ..contract.assets import shipped_vehicles
 from ..contract.semantics import MIN_BOX_PIXELS
 from ..runtime.blender import run_blender
 from ..runtime.images import read_image
@@ -46,15 +46,12 @@ def load_vehicle(
             return contract.load_vehicle(Path(scratch), read_image)
     if paint_mask or paint_material:
         raise RaucaError(f"{vehicle}: --paint-mask and --paint-material are of an .obj, .glb or .blend file; drop them")
-    shipped = assets_folder() / "vehicles"
-    names = sorted(path.parent.name for path in shipped.glob("*/vehicle.json"))
-    if str(vehicle) in names:
-        return contract.load_vehicle(shipped / str(vehicle), read_image)
-    folder = Path(vehicle)
+    shipped = shipped_vehicles()
+    folder = shipped.get(str(vehicle), Path(vehicle))
     if not (folder / "vehicle.json").is_file():
         raise RaucaError(
-            f"{vehicle}: neither a vehicle folder, nor an .obj, .glb or .blend, nor one of {', '.join(names)}; look at "
-            "its path"
+            f"{vehicle}: neither a vehicle folder, nor an .obj, .glb or .blend, nor one of {', '.join(shipped)}; look "
+            "at its path"
         )
     return contract.load_vehicle(folder, read_image)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..contract import Camouflage, RaucaError, load_camouflage, save_camouflage
-from ..contract.assets import assets_folder
+from ..contract.assets import shipped_vehicles
 from ..contract.schema import read_json
 from ..contract.vehicle import target_class
 from ..runtime.images import read_image
@@ -82,8 +82,7 @@ def find_vehicles(names: Sequence[str]) -> list[VehicleChoice]:
     Raises:
         RaucaError: neither a shipped vehicle nor a vehicle folder.
     """
-    shipped = {path.parent.name: path.parent for path in sorted((assets_folder() / "vehicles").glob("*/vehicle.json"))}
-    vehicles = []
+    shipped, vehicles = shipped_vehicles(), []
     for name in names or shipped:
         folder = shipped.get(name, Path(name))
         if not (folder / "vehicle.json").is_file():
