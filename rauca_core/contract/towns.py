@@ -26,6 +26,7 @@ TEST: Mapping[str, int] = MappingProxyType(
         "demo": 2,
         "bench environment": 12,
         "held-out views": 20_000,
+        "the headline of the documentation": 20_500,
         "held-out clips": 20_004,
         "assess-1, street-seen": 31_600,
         "assess-1, street-unseen": 31_601,
