@@ -23,7 +23,9 @@ try:
     )
     from .rauca_core.geometry import bake  # type: ignore[import-untyped,import-not-found,unused-ignore]
     from .rauca_core.runtime import child_process, folder_lock  # type: ignore[import-untyped,import-not-found,unused-ignore]  # fmt: skip
-except ImportError:
+except ModuleNotFoundError as missing:
+    if missing.name != f"{__package__}.rauca_core":  # a package that the copy needs, such as NumPy: say so
+        raise
     from rauca_core import contract, geometry
     from rauca_core.contract import assets, clips, color, files, reading, schema, seeding, semantics, system, viewpoints
     from rauca_core.geometry import bake

@@ -19,7 +19,9 @@ from .network import Truth
 
 ANSWER = 3  # predictions that answer for a vehicle
 NEAR = 0.3  # overlap above which a prediction is on a vehicle, and is told nothing unless it answers
-KEPT = 0.3  # score from which on what a detector found elsewhere is truth for losses that know objects alone
+# From this score on what a detector found elsewhere is truth for losses that know objects alone. It was sure of these:
+# taught what it was in doubt of, it sees such things everywhere.
+KEPT = 0.5
 SMALLEST = 1.0  # pixels, of the sides of such truth: frameworks refuse empty boxes
 BOX_WEIGHT, CLASS_WEIGHT, KEEP_WEIGHT = 1.0, 1.0, 1.0
 # Of a probability, in float32: logarithms and their slopes stay finite, and only there. A camouflage that wins drives
