@@ -15,6 +15,7 @@ from packaging.requirements import Requirement
 
 from pipelines.cli import EXTRAS, missing
 from rauca_core.version import __version__
+from tools.build_extension import gather
 
 ROOT = Path(__file__).resolve().parents[1]
 NEEDED = (
@@ -105,6 +106,20 @@ def test_blenders_own_tool_accepts_the_manifest() -> None:
     command = [sys.executable, tool, "validate", ROOT / "blender_addon"]
     checked = subprocess.run(command, capture_output=True, text=True, check=False)
     assert checked.returncode == 0, checked.stdout + checked.stderr
+
+
+@pytest.mark.parametrize("lacks", ["numpy", ""])
+def test_an_extension_says_what_it_lacks(tmp_path: Path, lacks: str) -> None:
+    """Not that ``rauca_core`` is missing, which it carries inside itself and a checkout has beside it."""
+    gather(tmp_path / "extension")
+    code = "import sys\nif sys.argv[1]: sys.modules[sys.argv[1]] = None\nimport extension.core as core\nprint(core.contract)"
+    done = subprocess.run(
+        [sys.executable, "-c", code, lacks], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    if lacks:
+        assert done.stderr.splitlines()[-1].startswith("ModuleNotFoundError: import of numpy")
+    else:
+        assert "extension.rauca_core.contract" in done.stdout
 
 
 def test_there_is_one_version() -> None:
