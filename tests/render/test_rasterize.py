@@ -13,7 +13,9 @@ from rauca_core.render.surface import find_surface
 
 
 def inside(points: np.ndarray, x: float, y: float) -> bool:
-    signs = [np.cross(points[(k + 1) % 3, :2] - points[k, :2], np.array([x, y]) - points[k, :2]) for k in range(3)]
+    corners = points[:, :2]
+    along, there = np.roll(corners, -1, axis=0) - corners, np.array([x, y]) - corners
+    signs = along[:, 0] * there[:, 1] - along[:, 1] * there[:, 0]
     return all(s > 0 for s in signs) or all(s < 0 for s in signs)
 
 
