@@ -85,8 +85,9 @@ def test_an_assessment_holds_all_that_engineers_act_on(
     (defence,) = found.defences
     assert found.defences[defence].informed is not None
     assert (tmp_path / "out" / "attacks" / "sedan" / f"{INFORMED}jpeg-quality-50").is_symlink()
-    (ranked, _) = (tmp_path / "cache" / "ranking").glob("*/ranking.json")  # plain, and behind the defence
-    means = json.loads(ranked.read_text())["means"]
+    ranked = (tmp_path / "cache" / "ranking").glob("*/ranking.json")
+    means, behind = sorted((json.loads(path.read_text())["means"] for path in ranked), key=len)
+    assert len(behind) == len(LABELS) + 1  # behind the defence, with the one made against the bare detector
     assert len(means) == len(LABELS)
     assert all(0 <= mean <= 1 for mean in means)
     assert set(found.without_place) == {"clean", "random", "transfer", "white_box"}
