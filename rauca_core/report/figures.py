@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import math
 import re
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -118,6 +119,9 @@ def curve_svg(curve: Table, styles: Mapping[str, Style], measure: str = "AP@0.5"
         return _svg(figure)
 
 
+_WIDEST_HEADING = 48  # characters of a legend's heading that fit into a plot's width
+
+
 def _name_lines(figure: Figure, measure: str, heading: str) -> None:
     """A legend below the plot, in room of its own, if it has a heading; ``measure`` where no axis names it.
 
@@ -126,8 +130,9 @@ def _name_lines(figure: Figure, measure: str, heading: str) -> None:
     if not heading:
         return
     lines, names = figure.axes[0].get_legend_handles_labels()
-    figure.set(figheight=figure.get_figheight() + 0.5, facecolor="white")
-    title = f"{measure}, {heading}" if measure else heading
+    title = textwrap.fill(f"{measure}, {heading}" if measure else heading, _WIDEST_HEADING)
+    height = 0.5 + 0.17 * title.count("\n")
+    figure.set(figheight=figure.get_figheight() + height, facecolor="white")
     figure.legend(lines, names, loc="outside lower center", ncols=len(names), frameon=False, title=title)
 
 
