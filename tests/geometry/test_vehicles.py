@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -37,8 +38,9 @@ def test_shipped_is_built_again(vehicle):
     """Its last digits are those of the machine that built it: `Vehicle.changed` looks at all but them."""
     folder = assets_folder() / "vehicles" / vehicle.name
     shipped = load_vehicle(folder, read_image)
-    # NumPy 2 rounds otherwise, and xatlas then lays out three of the ten anew; what is shipped is read, not built.
-    may_change = {"uvs", "paint_mask"} if np.lib.NumpyVersion(np.__version__) >= "2.0.0" else set()
+    # xatlas's wheel for Python 3.13 lays out the same mesh otherwise than that for 3.11, three of the ten by more than
+    # last digits. What is shipped is read, not built.
+    may_change = {"uvs", "paint_mask"} if sys.version_info >= (3, 12) else set()
     assert set(shipped.changed(vehicle)) <= may_change
     assert (shipped.source, shipped.licence, shipped.notes) == (vehicle.source, vehicle.licence, vehicle.notes)
     assert sum(p.stat().st_size for p in folder.iterdir()) < 450 * 1024
