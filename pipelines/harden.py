@@ -61,6 +61,9 @@ def harden(
     inner_step: Annotated[
         float, typer.Option(help="how far an attack inside every training step moves the paint; 0 for none")
     ] = 0.0,
+    agreement: Annotated[
+        float, typer.Option(help="with the detector as it was, on other objects; 0 keeps the weights as they learnt")
+    ] = 0.97,
     share: Annotated[float, typer.Option(help="of training frames that wear a camouflage")] = 0.5,
     batch: Annotated[int, typer.Option(help="images per step of fine-tuning")] = 8,
     lr: Annotated[float | None, typer.Option(help="AdamW's learning rate; from the detector's own by default")] = None,
@@ -88,8 +91,9 @@ def harden(
     settings = HardenSettings.make(
         rounds=rounds, steps=steps, attack_steps=attack_steps, attack_growth=attack_growth,
         attack_restarts=attack_restarts, attack_methods=attack_method or None,
-        attack_patches=attack_patch_cm or None, attack_lr=attack_lr, inner_step=inner_step, share=share, batch=batch,
-        lr=lr, map_size=map_size, samples=samples, precision=precision, every=every, seed=seed, threads=threads,
+        attack_patches=attack_patch_cm or None, attack_lr=attack_lr, inner_step=inner_step, agreement=agreement,
+        share=share, batch=batch, lr=lr, map_size=map_size, samples=samples, precision=precision, every=every,
+        seed=seed, threads=threads,
     )  # fmt: skip
     times = _times(budgets)
     measures = Measures(times, restarts, tuple(held_out_method or ()), tuple(held_out_vehicle or ()))

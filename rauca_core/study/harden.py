@@ -22,6 +22,8 @@ import numpy as np
 
 from ..contract import Dataset, RaucaError, load_camouflage, read_plan
 from ..contract.files import file_digest
+from ..detect.agreement import Agreement, agreement_of
+from ..detect.synth.card import read_any_card
 from ..runtime.folder_lock import alone_in
 from ..training.harden import identity_of
 from ..training.hardenable import named_as
@@ -39,7 +41,6 @@ from .harden_rounds import STRONGEST, hardening
 from .hardening import Gains, gains_of
 from .hardening_record import Figures, cost_of
 from .judging import Judges, judge
-from .other_classes import Agreement, agreement_of
 from .store import link
 from .study import Entry, Study
 from .views import HeldOut, weather_sets
@@ -144,6 +145,7 @@ def harden(
         "camouflages trained on": ", ".join(load_camouflage(path)[0].name for path in trained) or "none given",
         **chosen.model_dump(mode="json", exclude={"threads", "memory_mb"}),
         "adaptive attacks": _told_of_budgets(chosen, measured),
+        **_told_of_weights(folder / weights.name),
     }
     return Hardened(out / weights.name, study, figures, _origins(worn, held, measured), facts)
 
@@ -268,6 +270,13 @@ def _agreement(engine: Engine, study: Study, before: Chosen, after: Chosen) -> t
         vacant += agreement_of((one[image], other[image], None) for image in hashes)
         others += _beside(entry, before[1].name, after[1].name, boxes)
     return vacant, others
+
+
+def _told_of_weights(weights: Path) -> dict[str, object]:
+    """How much of what was learnt they hold, where they were taken back at all."""
+    against = read_any_card(weights.with_suffix(".json"))[0].hardened
+    share = against.get("share_of_weights")
+    return {} if share is None else {"share of what was learnt": f"{share:.0%}"}
 
 
 def _beside(entry: Entry, before: str, after: str, boxes: Sequence[np.ndarray]) -> Agreement:

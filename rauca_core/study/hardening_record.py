@@ -21,11 +21,11 @@ from pathlib import Path
 from typing import Any
 
 from ..contract.files import write_json
+from ..detect.agreement import Agreement
 from ..detect.synth.card import read_any_card
 from ..training.harden import WORN
 from ..training.measure import ALL
 from .hardening import Gain, Gains
-from .other_classes import Agreement
 
 FILE_NAME = "hardening.json"
 FORMAT = ("rauca-hardening-figures", 1)

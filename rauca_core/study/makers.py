@@ -43,9 +43,9 @@ from .defences.interface import to_pixels
 from .detecting import detect_in, detections_in, image_of, image_tensor, pictures_in, read_frame_image, source_of
 from .harden_rounds import run_hardening
 from .job import Job, Machine, steps_told
-from .other_classes import without_vehicle
 from .ranking import FILE_NAME as RANKING
 from .ranking import Ranking, rank_camouflages
+from .vacant import without_vehicle
 
 CAMOUFLAGE = "camouflage.json"
 MOST_BLENDERS, IMAGES_A_BLENDER = 4, 8

@@ -11,12 +11,12 @@ import pytest
 
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.contract import Vehicle
+from rauca_core.detect.agreement import Agreement
 from rauca_core.report import write_hardening
 from rauca_core.study.harden import Hardened
 from rauca_core.study.harden_measures import Measures
 from rauca_core.study.hardening import gains_of
 from rauca_core.study.hardening_record import Cost, Figures, Round
-from rauca_core.study.other_classes import Agreement
 from rauca_core.study.study import Entry, Study
 from tests.study.colored import BLUE, GREEN, RED, SIZE, FindsColors, paint
 from tests.study.measured import measure

@@ -10,19 +10,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ..contract import Frame
-from ..detect.letterbox import PADDING_SRGB
-from ..detect.nms import box_iou
-from .detection_cache import Found
+from .nms import box_iou
 
 SURE, SEEN, OVERLAP = 0.5, 0.25, 0.5
 INSIDE = 0.5  # of an object's area in the vehicle's box, from which on it is the vehicle, or a part of it
-MARGIN = 0.15  # of the vehicle's width to either side, for its shadow
+
+
+class Said(Protocol):
+    """What a detector found in a picture: boxes (M, 4) xyxy pixels, scores (M,), class names (M,)."""
+
+    @property
+    def boxes(self) -> NDArray[np.float64]: ...
+    @property
+    def scores(self) -> NDArray[np.float64]: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
 
 
 @dataclass(frozen=True)
@@ -54,7 +62,7 @@ class Agreement:
         return Agreement(agreed, objects, self.kept + other.kept, self.known + other.known)
 
 
-def agreement_of(pairs: Iterable[tuple[Found, Found, NDArray[np.float64] | None]]) -> Agreement:
+def agreement_of(pairs: Iterable[tuple[Said, Said, NDArray[np.float64] | None]]) -> Agreement:
     """Over pictures: what both detectors found, and the vehicle's box (4,) xyxy, pixels, if it is there."""
     total = Agreement()
     for one, other, vehicle in pairs:
@@ -63,17 +71,7 @@ def agreement_of(pairs: Iterable[tuple[Found, Found, NDArray[np.float64] | None]
     return total
 
 
-def without_vehicle(pixels: NDArray[np.uint8], frame: Frame) -> NDArray[np.uint8]:
-    """(H, W, 3) sRGB with the columns of the frame's vehicle in the grey that letterboxes have."""
-    assert frame.box_xyxy is not None
-    left, _, right, _ = frame.box_xyxy
-    margin = MARGIN * (right - left)
-    vacant = pixels.copy()
-    vacant[:, max(0, int(left - margin)) : int(np.ceil(right + margin))] = round(255 * PADDING_SRGB)
-    return vacant
-
-
-def _seen_by(one: Found, other: Found, vehicle: NDArray[np.float64] | None) -> tuple[int, int]:
+def _seen_by(one: Said, other: Said, vehicle: NDArray[np.float64] | None) -> tuple[int, int]:
     """How many of one detector's sure objects in a picture the other one finds, and how many these objects are."""
     sure = [i for i in np.flatnonzero(one.scores >= SURE) if vehicle is None or _inside(one.boxes[i], vehicle) < INSIDE]
     if not sure:

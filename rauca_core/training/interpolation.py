@@ -1,0 +1,118 @@
+"""How much of what a detector learnt is kept: weights on the straight line between it as it was and as it learnt.
+
+Along that line what it says of everything but the vehicle comes back long before it is hidden from again (WiSE-FT;
+Wortsman et al., Robust fine-tuning of zero-shot models, CVPR 2022). So the largest share is taken that agrees enough
+with the detector as it was, on frames of places that it did not learn on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from ..detect.agreement import SEEN, Agreement, agreement_of
+from ..detect.interface import Detector
+
+SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
+"""Of what was learnt, largest first; with less than half of it there is little left of a hardening."""
+_BATCH = 8
+
+
+@dataclass(frozen=True, eq=False)
+class _Said:
+    """What a detector found in a picture, see ``agreement.Said``."""
+
+    boxes: NDArray[np.float64]
+    scores: NDArray[np.float64]
+    names: tuple[str, ...]
+
+
+def mixed(before: Mapping[str, Tensor], after: Mapping[str, Tensor], share: float) -> dict[str, Tensor]:
+    """Weights ``(1 - share) * before + share * after``; whole numbers, such as counts, are the later ones."""
+    return {
+        name: torch.lerp(before[name].to(late), late, share) if late.is_floating_point() else late
+        for name, late in after.items()
+    }
+
+
+class Pictures:
+    """Pictures in which a detector is compared with one as it was."""
+
+    def __init__(self, before: Detector, images: Sequence[Tensor], vehicles: Sequence[NDArray[np.float64]]) -> None:
+        """Look at the pictures with the detector as it was.
+
+        Args:
+            images: (3, H, W) sRGB in [0, 1], on the device that detectors lie on.
+            vehicles: boxes (4,) xyxy of the vehicle in each, pixels: what lies in them does not count.
+        """
+        self._images, self._vehicles = images, vehicles
+        self._was = self._said(before)
+
+    def agreement(self, detector: Detector) -> Agreement:
+        """On the objects beside the vehicles."""
+        return agreement_of(zip(self._was, self._said(detector), self._vehicles, strict=True))
+
+    def _said(self, detector: Detector) -> list[_Said]:
+        found = []
+        for first in range(0, len(self._images), _BATCH):
+            for one in detector.detect(torch.stack(list(self._images[first : first + _BATCH])), SEEN):
+                names = tuple(detector.class_names[label] for label in one.labels.tolist())
+                found.append(_Said(one.boxes.double().cpu().numpy(), one.scores.double().cpu().numpy(), names))
+        return found
+
+
+def go_back(
+    network: nn.Module,
+    before: Mapping[str, Tensor],
+    detecting: Callable[[nn.Module], Detector],
+    pictures: Pictures,
+    wanted: float,
+) -> tuple[float, Agreement]:
+    """Take a network that learnt back towards what it was, no farther than is needed.
+
+    Args:
+        network: has the chosen weights afterwards, in evaluation mode.
+        before: its weights before it learnt.
+        detecting: makes a detector of it.
+        wanted: share of the objects beside the vehicles that it is to agree on with the detector as it was.
+
+    Returns:
+        The share of what was learnt that it keeps, and the agreement with it.
+    """
+    after = {name: tensor.clone() for name, tensor in network.state_dict().items()}
+
+    def agreement(share: float) -> Agreement:
+        network.load_state_dict(mixed(before, after, share))
+        return pictures.agreement(detecting(network.eval()))
+
+    share, found = largest_share(agreement, wanted)
+    network.load_state_dict(mixed(before, after, share))
+    return share, found
+
+
+def largest_share(agreement: Callable[[float], Agreement], wanted: float) -> tuple[float, Agreement]:
+    """The largest of :data:`SHARES` whose agreement is at least ``wanted``, else the smallest, and that agreement.
+
+    Agreement is taken to grow as the share falls, so that half of the shares are not looked at.
+    """
+    seen: dict[float, Agreement] = {}
+
+    def enough(share: float) -> bool:
+        seen[share] = agreement(share)
+        found = seen[share].share
+        return found is None or found >= wanted
+
+    low, high = 0, len(SHARES) - 1  # the answer is one of these and those between
+    while low < high:
+        middle = (low + high) // 2 if low else 0  # all of it first: most need no more
+        if enough(SHARES[middle]):
+            high = middle
+        else:
+            low = middle + 1
+    share = SHARES[low]
+    return share, seen[share] if share in seen else agreement(share)

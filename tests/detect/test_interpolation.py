@@ -1,0 +1,72 @@
+"""Weights between a detector as it was and as it learnt: the line, and how far back it is gone."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor, nn
+
+from rauca_core.detect import Detections
+from rauca_core.detect.agreement import Agreement
+from rauca_core.training.interpolation import SHARES, Pictures, go_back, largest_share, mixed
+
+DOG, CAR = (2.0, 2.0, 12.0, 12.0), (20.0, 20.0, 60.0, 60.0)
+
+
+class FindsABus(nn.Module):
+    """Learns to see a bus where there is none: its score is the one weight; the dog it always finds."""
+
+    def __init__(self, score: float) -> None:
+        super().__init__()
+        self.score = nn.Parameter(torch.tensor(score))
+        self.register_buffer("count", torch.tensor(round(10 * score)))
+
+    def detector(self) -> Any:
+        def detect(images: Tensor, score_threshold: float) -> list[Detections]:
+            boxes = torch.tensor([DOG, (70.0, 0.0, 90.0, 20.0), CAR])
+            scores = torch.tensor([0.9, float(self.score.detach()), 0.1])
+            kept = scores >= score_threshold
+            return [Detections(boxes[kept], scores[kept], torch.arange(3)[kept])] * len(images)
+
+        return SimpleNamespace(detect=detect, class_names=("dog", "bus", "car"))
+
+
+def test_the_line_begins_and_ends_at_both_and_counts_are_the_later_ones() -> None:
+    before, after = FindsABus(0.0).state_dict(), FindsABus(0.8).state_dict()
+    assert mixed(before, after, 0.0)["score"] == 0.0
+    assert mixed(before, after, 1.0)["score"] == after["score"]
+    half = mixed(before, after, 0.5)
+    assert half["score"] == pytest.approx(0.4)
+    assert half["count"] == 8
+
+
+@pytest.mark.parametrize(
+    ("score", "wanted", "share"), [(0.4, 0.97, 1.0), (0.8, 0.97, 0.6), (0.8, 0.5, 1.0), (2.0, 0.97, 0.5)]
+)
+def test_no_more_is_given_back_than_the_other_objects_ask_for(score: float, wanted: float, share: float) -> None:
+    """At .5 the bus is said surely, and the detector before said nothing of it; a score of 2 is said at every share."""
+    network = FindsABus(score)
+    pictures = Pictures(FindsABus(0.0).detector(), [torch.zeros(3, 96, 96)] * 9, [np.array(CAR)] * 9)
+    kept, agreed = go_back(network, FindsABus(0.0).state_dict(), lambda n: n.detector(), pictures, wanted)
+    assert kept == share
+    assert float(network.score.detach()) == pytest.approx(share * score)
+    surely = float(network.score.detach()) >= 0.5
+    assert agreed == Agreement(18, 27 if surely else 18, 9, 9)
+
+
+@pytest.mark.parametrize("enough", [*SHARES, 0.0])
+def test_the_largest_share_that_agrees_is_found_in_four_looks(enough: float) -> None:
+    looked: list[float] = []
+
+    def agreement(share: float) -> Agreement:
+        looked.append(share)
+        return Agreement(10 if share <= enough else 9, 10)
+
+    share, agreed = largest_share(agreement, 0.97)
+    assert share == max(enough, SHARES[-1])
+    assert agreed.agreed == (10 if enough else 9)
+    assert len(looked) == len(set(looked)) <= 4
