@@ -207,7 +207,7 @@ class _Rounds:
             weights = after
             minutes += read_any_card(after.with_suffix(".json"))[0].cpu_minutes
         assert weights is not None
-        network, card = self.origin.network(weights)
+        network, card = self.origin.network(weights)[0], read_any_card(weights.with_suffix(".json"))[0]
         told = self._against(pool)
         if self.settings.agreement:
             with counted_in(target.parent / "interpolation") as spent:

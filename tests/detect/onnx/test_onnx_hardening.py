@@ -18,6 +18,7 @@ from rauca_core.contract import RaucaError, Vehicle, load_vehicle
 from rauca_core.detect import load_detector
 from rauca_core.detect.onnx_graph import read_graph, to_torch
 from rauca_core.detect.onnx_weights import learnt_tensors, with_tensors
+from rauca_core.detect.synth.card import read_any_card
 from rauca_core.detect.synth.network import Truth
 from rauca_core.runtime.images import read_image
 from rauca_core.training.harden import Hardening, harden
@@ -150,6 +151,9 @@ def test_a_hardening_of_a_file_ends_in_a_file(exported: Exported, tmp_path: Path
     assert len(hardened.detect(torch.rand(1, 3, SIZE, SIZE))) == 1
     changed = [name for name, value in numbers(whole).items() if not np.array_equal(value, numbers(path)[name])]
     assert changed
+    card, _ = read_any_card(whole.with_suffix(".json"))
+    assert (card.steps, card.settings["rounds"], card.metrics["ap50"]["all"]) == (4, 2, 0.5)
+    assert 0.5 <= card.hardened["share_of_weights"] <= 1
 
     def stop(number: int, done: int, steps: int, loss: float) -> None:
         if (number, done) == (2, 1):
