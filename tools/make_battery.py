@@ -1,10 +1,10 @@
-"""Write a frozen battery, ``assets/batteries/<name>.json``, and its library of camouflages; see `study/battery.py`.
+"""Write a frozen battery, ``assets/batteries/<name>.json``, and add to the library of camouflages (`study/battery.py`).
 
-    python tools/make_battery.py assess-1 LIBRARY
+    python tools/make_battery.py assess-2 LIBRARY --shipped dta --shipped rauca-final
 
-``LIBRARY/<vehicle>/<label>/camouflage.json`` are the camouflages, the same labels for every vehicle, made on
-``LIBRARY/<vehicle>/data``, in other places than those below. A battery that is released is never written again: the
-next one gets another name.
+``LIBRARY/<vehicle>/<label>/camouflage.json`` are new camouflages, the same labels for every vehicle, made on
+``LIBRARY/<vehicle>/data``, in other places than those below. ``--shipped`` are some of earlier batteries. A battery
+that is released is never written again: the next one gets another name.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rauca_core.contract import Dataset, Plan, Quality, RaucaError, Ring, load_camouflage, save_camouflage
+from rauca_core.contract import Camouflage, Dataset, Plan, Quality, RaucaError, Ring, load_camouflage, save_camouflage
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import file_digest, write_bytes, write_json
 from rauca_core.contract.towns import TEST, TRAINING
@@ -32,9 +32,9 @@ HIGH = Ring(STREET.azimuths_deg, (35.0, 50.0), (6.0, 10.0, 14.0), **_JITTER)
 ATTACK = Ring(STREET.azimuths_deg, (0.0, 8.0, 16.0, 24.0, 45.0), (5.0, 8.0, 12.0, 16.0), **_JITTER)
 SEEN, UNSEEN = weathers_named("seen"), weathers_named("unseen")
 VIEWS = {
-    "street-seen": (STREET, SEEN, TEST["assess-1, street-seen"], {"quick": 5, "standard": 48, "overnight": 192}),
-    "street-unseen": (STREET, UNSEEN, TEST["assess-1, street-unseen"], {"quick": 5, "standard": 48, "overnight": 192}),
-    "high": (HIGH, (*SEEN, *UNSEEN), TEST["assess-1, high"], {"quick": 4, "standard": 32, "overnight": 128}),
+    "street-seen": (STREET, SEEN, TEST["batteries, street-seen"], {"quick": 5, "standard": 48, "overnight": 192}),
+    "street-unseen": (STREET, UNSEEN, TEST["batteries, street-unseen"], {"quick": 5, "standard": 48, "overnight": 192}),
+    "high": (HIGH, (*SEEN, *UNSEEN), TEST["batteries, high"], {"quick": 4, "standard": 32, "overnight": 128}),
 }
 
 
@@ -46,48 +46,39 @@ def views_plan(ring: Ring, weathers: tuple, seed: int, light: bool) -> Plan:
     )  # fmt: skip
 
 
-def keep(folder: Path, label: str, into: Path) -> str:
-    """Copy a camouflage into the library; returns the digest of its UV map."""
+def keep(folder: Path, vehicle: str) -> None:
+    """Copy a new camouflage into the library."""
     record, image = load_camouflage(folder / "camouflage.json")
-    save_camouflage(into / f"{label}.json", replace(record, name=label), image.read_bytes())
-    return file_digest(into / f"{label}.png")
+    path = library_folder() / vehicle / f"{folder.name}.json"
+    save_camouflage(path, replace(record, name=folder.name), image.read_bytes())
 
 
-def fingerprints(folder: Path) -> tuple[str, ...]:
-    """Of the detectors that a camouflage was optimized against."""
-    names = load_camouflage(folder / "camouflage.json")[0].made["detector"].split("+")
-    return tuple(load_detector(name).fingerprint for name in names)
-
-
-CARD = """# Library of camouflages
-
-UV maps of rauca's own vehicles, which batteries show to detectors ([what for](../../docs/assess.md)). Each was
-optimized on rendered streets that no battery judges in (town {town}), against the detectors below and no others.
-They are licensed as rauca is, as the vehicles are; [responsible use](../../docs/responsible-use.md) is asked for.
-Settings and last losses stand in each JSON file.
-
-| vehicle | camouflage | method | against | licence of the weights | steps | views |
-|---|---|---|---|---|---|---|
-{rows}
-"""
+def against(record: Camouflage) -> list[str]:
+    """The detectors that a camouflage was optimized against."""
+    names: list[str] = record.made["detector"].split("+")
+    return names
 
 
 def card_row(folder: Path) -> str:
-    """What is known of a camouflage, as a row of a Markdown table."""
+    """What is known of a new camouflage, as a row of a Markdown table."""
     record, _ = load_camouflage(folder / "camouflage.json")
-    against = record.made["detector"].split("+")
-    licences = ", ".join(dict.fromkeys(SOURCES[name].licence for name in against))
+    licences = ", ".join(dict.fromkeys(SOURCES[name].licence for name in against(record)))
     views = len(Dataset(folder.parent / "data").frames())
-    told = (record.method, ", ".join(against), licences, record.made["steps"], views)
+    told = (record.method, ", ".join(against(record)), licences, record.made["steps"], views)
     return f"| {folder.parent.name} | {folder.name} | {' | '.join(map(str, told))} |"
 
 
-def write_card(library: Path, labels: Sequence[str]) -> None:
-    """A page beside the camouflages that says what each is."""
-    folders = [library / vehicle / label for vehicle in VEHICLES for label in labels]
-    town = Dataset(library / VEHICLES[0] / "data").plan.seed
-    text = CARD.format(town=town, rows="\n".join(map(card_row, folders)))
-    write_bytes(library_folder() / "README.md", text.encode())
+def add_to_card(folders: Sequence[Path]) -> None:
+    """New rows of the page beside the camouflages, which says what each is."""
+    town = TRAINING["library of the batteries"]
+    for folder in folders:
+        if Dataset(folder.parent / "data").plan.seed != town:
+            raise RaucaError(f"{folder.parent / 'data'}: make it with --seed {town}, the library's town")
+    path = library_folder() / "README.md"
+    lines = path.read_text().splitlines()
+    table = next(k for k, line in enumerate(lines) if line.startswith("|---")) + 1
+    rows = sorted({*lines[table:], *map(card_row, folders)})
+    write_bytes(path, "\n".join([*lines[:table], *rows, ""]).encode())
 
 
 def main() -> None:
@@ -95,32 +86,39 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("name")
     parser.add_argument("library", type=Path)
+    parser.add_argument("--shipped", action="append", default=[])
     given = parser.parse_args()
     path = assets_folder() / "batteries" / f"{given.name}.json"
     if path.exists():
         raise RaucaError(f"{path}: a battery never changes; choose another name")
-    labels = sorted(one.parent.name for one in (given.library / VEHICLES[0]).glob("*/camouflage.json"))
-    vehicles = []
+    new = sorted(one.parent.name for one in (given.library / VEHICLES[0]).glob("*/camouflage.json"))
+    folders = [given.library / vehicle / label for vehicle in VEHICLES for label in new]
+    add_to_card(folders)
+    for folder in folders:
+        keep(folder, folder.parent.name)
+    labels = sorted([*new, *given.shipped])
+    vehicles, made_against = [], {}
     for choice in find_vehicles(VEHICLES):
-        made = {
-            label: keep(given.library / choice.name / label, label, library_folder() / choice.name) for label in labels
+        records = {label: load_camouflage(library_folder() / choice.name / f"{label}.json") for label in labels}
+        maps = {label: file_digest(image) for label, (_, image) in records.items()}
+        vehicles.append(BatteryVehicle(choice.name, recipes.vehicle_in(choice.folder).settings["content"], maps))
+        made_against = {
+            label: tuple(load_detector(name).fingerprint for name in against(record))
+            for label, (record, _) in records.items()
         }
-        content = recipes.vehicle_in(choice.folder).settings["content"]
-        vehicles.append(BatteryVehicle(choice.name, content, made))
     battery = Battery(
         name=given.name,
         category="car",
         vehicles=tuple(vehicles),
-        made_against={label: fingerprints(given.library / VEHICLES[0] / label) for label in labels},
+        made_against=made_against,
         random=RandomPaint(),
-        attack=views_plan(ATTACK, SEEN, TRAINING["attacks of assess-1"], light=True),
+        attack=views_plan(ATTACK, SEEN, TRAINING["attacks of the batteries"], light=True),
         views=tuple(
             BatteryViews(name, views_plan(ring, weathers, seed, light=False), frames)
             for name, (ring, weathers, seed, frames) in VIEWS.items()
         ),
     )
     write_json(path, battery.to_json())
-    write_card(given.library, labels)
 
 
 if __name__ == "__main__":

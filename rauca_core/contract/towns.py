@@ -16,8 +16,8 @@ TRAINING: Mapping[str, int] = MappingProxyType(
         "ablations": 1,
         "bench environment": 11,
         "bench optimize": 21,
-        "library of assess-1": 31_000,
-        "attacks of assess-1": 31_500,
+        "library of the batteries": 31_000,
+        "attacks of the batteries": 31_500,
     }
 )
 VALIDATION: Mapping[str, int] = MappingProxyType({"ablations": 10_000})
@@ -28,9 +28,9 @@ TEST: Mapping[str, int] = MappingProxyType(
         "held-out views": 20_000,
         "the headline of the documentation": 20_500,
         "held-out clips": 20_004,
-        "assess-1, street-seen": 31_600,
-        "assess-1, street-unseen": 31_601,
-        "assess-1, high": 31_602,
+        "batteries, street-seen": 31_600,
+        "batteries, street-unseen": 31_601,
+        "batteries, high": 31_602,
         "plain cars of detectors check": 31_700,
     }
 )
