@@ -36,8 +36,8 @@ def harden(
     data: Data,
     out: Annotated[Path, typer.Option(help="folder for the weights, report and all on the way; run again to resume")],
     camouflage: Annotated[list[Path] | None, typer.Option(help="camouflage .json to train on; repeat for more")] = None,
-    rounds: Annotated[int, typer.Option(help="of attack and fine-tuning")] = 3,
-    steps: Annotated[int, typer.Option(help="of fine-tuning in each round")] = 120,
+    rounds: Annotated[int, typer.Option(help="of attack and fine-tuning")] = 1,
+    steps: Annotated[int, typer.Option(help="of fine-tuning in each round")] = 320,
     attack_steps: Annotated[int, typer.Option(help="of the attacks that open the first round; 0 for none")] = 100,
     attack_growth: Annotated[float, typer.Option(help="share of these by which each further round's are longer")] = 0.0,
     attack_restarts: Annotated[int, typer.Option(help="attacks in each round; all of them are trained on")] = 1,
@@ -60,7 +60,7 @@ def harden(
     ] = None,
     inner_step: Annotated[
         float, typer.Option(help="how far an attack inside every training step moves the paint; 0 for none")
-    ] = 0.0,
+    ] = 0.5,
     agreement: Annotated[
         float, typer.Option(help="with the detector as it was, on other objects; 0 keeps the weights as they learnt")
     ] = 0.97,

@@ -88,8 +88,8 @@ class HardenSettings(Learning):
             (``every`` is its ``round``); ``lr`` None takes a share of the detector's own.
     """
 
-    rounds: int = Field(3, ge=1, le=100)
-    steps: int = Field(120, ge=1)
+    rounds: int = Field(1, ge=1, le=100)
+    steps: int = Field(320, ge=1)
     attack_steps: int = Field(100, ge=0)
     attack_growth: float = Field(0.0, ge=0, le=10)
     attack_restarts: int = Field(1, ge=1, le=100)
@@ -104,7 +104,7 @@ class HardenSettings(Learning):
     lr: float | None = Field(None, gt=0, le=1)
     ema: float = Field(0.98, ge=0, lt=1)
     precision: Literal["float32", "bfloat16"] = "float32"
-    inner_step: float = Field(0.0, ge=0, le=1)
+    inner_step: float = Field(0.5, ge=0, le=1)
     agreement: float = Field(0.97, ge=0, le=1)
     every: int = Field(60, ge=1)
 

@@ -71,8 +71,9 @@ def test_every_measure_is_made_once_and_recorded(asked, tmp_path: Path, monkeypa
         assert 0 <= record[name]["low"] <= record[name]["after"] <= record[name]["high"] <= 1
     assert (record["adaptive_3x"], record["held_out_weathers"]) == (None, None)
     assert [entry["vehicle"] for entry in record["entries"]] == ["box", "mirrored"]
-    assert record["cpu_minutes"] == pytest.approx(sum(one["cpu_minutes"] for one in record["rounds"]), abs=0.01)
-    assert record["cpu_minutes"] > 0
+    # Rounded to hundredths; beyond the rounds it went back towards what it was.
+    assert record["cpu_minutes"] > sum(one["cpu_minutes"] for one in record["rounds"]) - 0.01 > 0
+    assert str(found.facts["share of what was learnt"]) in {"100%", "90%", "80%", "70%", "60%", "50%"}
     assert [one["round"] for one in record["rounds"]] == [1, 2]
 
     attacks = tmp_path / "out" / "attacks"
