@@ -69,7 +69,7 @@ def optimize(
             "--as", help="the method as published, or adapted (our renderer, exact light): see `rauca methods`"
         ),
     ] = None,
-    steps: int = 1000,
+    steps: int = 3000,
     batch: Annotated[int | None, typer.Option(help="frames per step")] = None,
     lr: Annotated[float | None, typer.Option(help="Adam's learning rate, on sRGB values")] = None,
     decay: Annotated[

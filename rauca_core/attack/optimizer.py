@@ -42,7 +42,7 @@ def optimize(
     detectors: Sequence[Detector | str] = (),
     method: str | None = "ours",
     *,
-    steps: int = 1000,
+    steps: int = 3000,
     device: torch.device | str | None = None,
     out: Path | str | None = None,
     on_step: OnStep | None = None,

@@ -87,7 +87,7 @@ class OptimizerSettings(Settings):
         natural: what the paint has to look like, see `naturalness`; None leaves it free.
     """
 
-    steps: int = Field(1000, ge=1)
+    steps: int = Field(3000, ge=1)
     batch: int = Field(4, ge=1, le=1024)
     lr: float = Field(0.01, gt=0, le=1)
     decay: float = Field(1.0, ge=0, le=1)
