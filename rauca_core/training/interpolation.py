@@ -1,8 +1,8 @@
 """How much of what a detector learnt is kept: weights on the straight line between it as it was and as it learnt.
 
-Along that line what it says of everything but the vehicle comes back long before it is hidden from again (WiSE-FT;
-Wortsman et al., Robust fine-tuning of zero-shot models, CVPR 2022). So the largest share is taken that agrees enough
-with the detector as it was, on frames of places that it did not learn on.
+On the way back along that line a detector soon says of everything but the vehicle what it said before, and loses what
+it learnt of camouflage only later (WiSE-FT; Wortsman et al., Robust fine-tuning of zero-shot models, CVPR 2022). So the
+largest share is taken that agrees enough with the detector as it was, in frames of places that it did not learn on.
 """
 
 from __future__ import annotations
