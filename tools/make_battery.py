@@ -59,6 +59,17 @@ def against(record: Camouflage) -> list[str]:
     return names
 
 
+def shipped(vehicle: str, label: str) -> tuple[Camouflage, Path]:
+    """A camouflage of the library, and its UV map."""
+    return load_camouflage(library_folder() / vehicle / f"{label}.json")
+
+
+def fingerprints(label: str) -> tuple[str, ...]:
+    """Of the detectors that a camouflage of the library was optimized against."""
+    record, _ = shipped(VEHICLES[0], label)
+    return tuple(load_detector(name).fingerprint for name in against(record))
+
+
 def card_row(folder: Path) -> str:
     """What is known of a new camouflage, as a row of a Markdown table."""
     record, _ = load_camouflage(folder / "camouflage.json")
@@ -97,20 +108,15 @@ def main() -> None:
     for folder in folders:
         keep(folder, folder.parent.name)
     labels = sorted([*new, *given.shipped])
-    vehicles, made_against = [], {}
+    vehicles = []
     for choice in find_vehicles(VEHICLES):
-        records = {label: load_camouflage(library_folder() / choice.name / f"{label}.json") for label in labels}
-        maps = {label: file_digest(image) for label, (_, image) in records.items()}
+        maps = {label: file_digest(shipped(choice.name, label)[1]) for label in labels}
         vehicles.append(BatteryVehicle(choice.name, recipes.vehicle_in(choice.folder).settings["content"], maps))
-        made_against = {
-            label: tuple(load_detector(name).fingerprint for name in against(record))
-            for label, (record, _) in records.items()
-        }
     battery = Battery(
         name=given.name,
         category="car",
         vehicles=tuple(vehicles),
-        made_against=made_against,
+        made_against={label: fingerprints(label) for label in labels},
         random=RandomPaint(),
         attack=views_plan(ATTACK, SEEN, TRAINING["attacks of the batteries"], light=True),
         views=tuple(

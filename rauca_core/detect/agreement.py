@@ -10,27 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from .found import Found
 from .nms import box_iou
 
 SURE, SEEN, OVERLAP = 0.5, 0.25, 0.5
 INSIDE = 0.5  # of an object's area in the vehicle's box, from which on it is the vehicle, or a part of it
-
-
-class Said(Protocol):
-    """What a detector found in a picture: boxes (M, 4) xyxy pixels, scores (M,), class names (M,)."""
-
-    @property
-    def boxes(self) -> NDArray[np.float64]: ...
-    @property
-    def scores(self) -> NDArray[np.float64]: ...
-    @property
-    def names(self) -> tuple[str, ...]: ...
 
 
 @dataclass(frozen=True)
@@ -62,7 +51,7 @@ class Agreement:
         return Agreement(agreed, objects, self.kept + other.kept, self.known + other.known)
 
 
-def agreement_of(pairs: Iterable[tuple[Said, Said, NDArray[np.float64] | None]]) -> Agreement:
+def agreement_of(pairs: Iterable[tuple[Found, Found, NDArray[np.float64] | None]]) -> Agreement:
     """Over pictures: what both detectors found, and the vehicle's box (4,) xyxy, pixels, if it is there."""
     total = Agreement()
     for one, other, vehicle in pairs:
@@ -71,7 +60,7 @@ def agreement_of(pairs: Iterable[tuple[Said, Said, NDArray[np.float64] | None]])
     return total
 
 
-def _seen_by(one: Said, other: Said, vehicle: NDArray[np.float64] | None) -> tuple[int, int]:
+def _seen_by(one: Found, other: Found, vehicle: NDArray[np.float64] | None) -> tuple[int, int]:
     """How many of one detector's sure objects in a picture the other one finds, and how many these objects are."""
     sure = [i for i in np.flatnonzero(one.scores >= SURE) if vehicle is None or _inside(one.boxes[i], vehicle) < INSIDE]
     if not sure:

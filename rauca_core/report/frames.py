@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ..contract import RaucaError
 from ..contract.files import file_digest
+from ..detect.found import Found
 from ..study.average_precision import best_score
-from ..study.detection_cache import Found
 from ..study.parts import leading
 from ..study.study import Entry
 from .pictures import frame_picture

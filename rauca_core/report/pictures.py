@@ -13,9 +13,9 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ..contract import Camouflage, Dataset, load_camouflage
 from ..detect import canonical
+from ..detect.found import Found
 from ..runtime.images import read_image
 from ..study.average_precision import IOU_THRESHOLD, box_overlaps
-from ..study.detection_cache import Found
 from ..study.study import Entry
 
 TILE = 300  # pixels across a picture of the grid

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..contract.files import append_line, write_bytes
 from ..contract.schema import Fields, Record, whole_lines
 from ..detect import Detections, Detector, canonical
 from ..detect.classes import class_index
+from ..detect.found import Found
 
 MAX_CACHE_BYTES = 2**30
 """A line is some 5 kB: the detections of 200 000 images."""
@@ -40,20 +40,6 @@ class DetectionSettings(Record):
     score_threshold: float = 0.005
     other_threshold: float = 0.1
     iou_threshold: float = 0.45
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """Detections of one image, best first: boxes (M, 4) xyxy pixels, scores (M,), canonical class names (M,)."""
-
-    boxes: NDArray[np.float64]
-    scores: NDArray[np.float64]
-    names: tuple[str, ...]
-
-    def only(self, name: str) -> Found:
-        """Those of one class."""
-        keep = np.array([n == name for n in self.names], bool)
-        return Found(self.boxes[keep], self.scores[keep], (name,) * int(keep.sum()))
 
 
 class DetectionCache:

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract.schema import Record
+from ..detect.found import Found
 from .average_precision import IOU_THRESHOLD, box_overlaps
-from .detection_cache import Found
 
 TOUCHES = 0.1  # a box that overlaps the target less than this is about something else (TIDE's background threshold)
 

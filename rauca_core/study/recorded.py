@@ -10,8 +10,9 @@ import numpy as np
 
 from ..contract import RaucaError
 from ..detect import canonical
+from ..detect.found import Found
 from .average_precision import Ranking, Sample
-from .detection_cache import DetectionCache, Found
+from .detection_cache import DetectionCache
 from .intervals import Curve, Places
 from .results import Estimate, Group, Results
 from .scores import ap_curve, estimate, places_of

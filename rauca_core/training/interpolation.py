@@ -8,7 +8,6 @@ largest share is taken that agrees enough with the detector as it was, in frames
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -16,20 +15,12 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from ..detect.agreement import SEEN, Agreement, agreement_of
+from ..detect.found import Found
 from ..detect.interface import Detector
 
 SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Of what was learnt, largest first; with less than half of it there is little left of a hardening."""
 _BATCH = 8
-
-
-@dataclass(frozen=True, eq=False)
-class _Said:
-    """What a detector found in a picture, see ``agreement.Said``."""
-
-    boxes: NDArray[np.float64]
-    scores: NDArray[np.float64]
-    names: tuple[str, ...]
 
 
 def mixed(before: Mapping[str, Tensor], after: Mapping[str, Tensor], share: float) -> dict[str, Tensor]:
@@ -51,18 +42,18 @@ class Pictures:
             vehicles: boxes (4,) xyxy of the vehicle in each, pixels: what lies in them does not count.
         """
         self._images, self._vehicles = images, vehicles
-        self._was = self._said(before)
+        self._was = self._found(before)
 
     def agreement(self, detector: Detector) -> Agreement:
         """On the objects beside the vehicles."""
-        return agreement_of(zip(self._was, self._said(detector), self._vehicles, strict=True))
+        return agreement_of(zip(self._was, self._found(detector), self._vehicles, strict=True))
 
-    def _said(self, detector: Detector) -> list[_Said]:
+    def _found(self, detector: Detector) -> list[Found]:
         found = []
         for first in range(0, len(self._images), _BATCH):
             for one in detector.detect(torch.stack(list(self._images[first : first + _BATCH])), SEEN):
                 names = tuple(detector.class_names[label] for label in one.labels.tolist())
-                found.append(_Said(one.boxes.double().cpu().numpy(), one.scores.double().cpu().numpy(), names))
+                found.append(Found(one.boxes.double().cpu().numpy(), one.scores.double().cpu().numpy(), names))
         return found
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rauca_core.detect.found import Found
 from rauca_core.study.average_precision import box_overlaps
-from rauca_core.study.detection_cache import Found
 from rauca_core.study.mistakes import Mistakes, mistakes_in
 
 TRUTH = np.array([100.0, 100.0, 200.0, 200.0])

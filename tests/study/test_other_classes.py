@@ -8,8 +8,8 @@ import pytest
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.contract import Vehicle
 from rauca_core.detect.agreement import Agreement, agreement_of
+from rauca_core.detect.found import Found
 from rauca_core.runtime.images import read_image
-from rauca_core.study.detection_cache import Found
 from rauca_core.study.vacant import without_vehicle
 
 HERE, THERE, ALMOST_HERE = (0.0, 0.0, 20.0, 10.0), (50.0, 50.0, 80.0, 80.0), (0.0, 1.0, 20.0, 11.0)
