@@ -70,7 +70,7 @@ def make_naturalness(
 
 
 def natural_settings(context: typer.Context) -> dict[str, Any]:
-    """The optimizer's settings that the command's options of this module amount to; a method's patches stay."""
+    """The optimizer's settings that the command's options of this module amount to; a method's symmetry stays."""
     from rauca_core.attack.methods import method_named
     from rauca_core.attack.naturalness import Naturalness
 
@@ -85,9 +85,8 @@ def natural_settings(context: typer.Context) -> dict[str, Any]:
     own = method_named(given["method"]).settings.get("natural")
     sides = given.get("symmetric")
     if own is not None and (wanted is not None or sides is not None):
-        kept = {"feature_cm": own.feature_cm} if given["feature_size"] is None else {}
-        wanted = (wanted or own).model_copy(update={**kept, "symmetric": own.symmetric if sides is None else sides})
+        wanted = (wanted or own).model_copy(update={"symmetric": own.symmetric if sides is None else sides})
     elif sides:
         wanted = (wanted or Naturalness()).model_copy(update={"symmetric": True})
-    chosen: dict[str, Any] = {} if wanted is None else {"natural": wanted}
+    chosen: dict[str, Any] = {} if wanted is None else {"natural": None if wanted.empty else wanted}
     return chosen | ({"prior": "reference", "gamma": weight} if weight else {})

@@ -115,7 +115,8 @@ def optimize(
     augmentation: Annotated[
         str | None,
         typer.Option(
-            help="its ranges: rauca (the paper's), published (the code's), active, ours (mirrored, near and far)"
+            help="its ranges: rauca (the paper's), published (the code's), active, mirrored (and near and far), "
+            "crops (ours: around the vehicle)"
         ),
     ] = None,
     rest: Annotated[

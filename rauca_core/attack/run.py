@@ -176,16 +176,15 @@ class Run:
 
     def _augment(self, images: Tensor, boxes: Tensor) -> tuple[Tensor, Tensor]:
         """What the detectors are shown of images (B, 3, H, W) and boxes (B, 4)."""
-        boxes = boxes.to(images)
+        boxes, side = boxes.to(images), self.settings.detector_size
         if self.settings.roa:
             drawn = Augmentation.draw(
                 named_rng(self.settings.seed, "roa", self.step),
                 self.settings.batch,
                 RANGES[self.settings.augmentation],
             )
-            images, boxes = drawn.part(self.processes.rank, self.processes.size)(images, boxes)
-        if self.settings.detector_size is not None:
-            side = self.settings.detector_size
+            images, boxes = drawn.part(self.processes.rank, self.processes.size)(images, boxes, side)
+        if side is not None and side != images.shape[-1]:
             boxes = boxes * (side / images.shape[-1])
             images = functional.interpolate(
                 images, size=(side, side), mode="bilinear", antialias=True, align_corners=False

@@ -251,9 +251,15 @@ def test_what_differs_is_read_off_the_settings() -> None:
 
 def test_ours_is_the_headlines_with_both_sides_alike_and_detectors_by_turns() -> None:
     ours = make_settings(**settings_of("ours"))
-    assert ours.natural == Naturalness(feature_cm=5.0, symmetric=True)
+    assert ours.natural == Naturalness(symmetric=True)
     assert ours.turns
-    assert (ours.augmentation, ours.rest, ours.objective, ours.lr, ours.decay) == ("ours", 3, "log-score", 0.03, 0.03)
+    assert (ours.augmentation, ours.rest, ours.objective, ours.lr, ours.decay) == (
+        "crops",
+        3,
+        "log-score",
+        0.03,
+        0.03,
+    )
 
 
 def test_runs_begun_before_there_were_two_forms_go_on() -> None:

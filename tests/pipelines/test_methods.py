@@ -108,21 +108,19 @@ def test_methods_are_printed_with_what_differs() -> None:
     assert "as its paper says" in CliRunner().invoke(app, ["methods", "dta"]).output
 
 
-def test_a_methods_patches_stay_unless_their_size_is_typed(chosen: Any) -> None:
-    natural = Naturalness(palette=("#1b2a1b", "#4b5320"), feature_cm=5.0, symmetric=True)
+def test_a_methods_symmetry_stays_beside_what_is_typed(chosen: Any) -> None:
+    natural = Naturalness(palette=("#1b2a1b", "#4b5320"), symmetric=True)
     typed = ("--method", "ours", "--palette", "#1b2a1b,#4b5320")
     assert chosen(*typed).natural == natural
     assert chosen(*typed, "--feature-size", "20").natural == natural.model_copy(update={"feature_cm": 20.0})
-    assert chosen("--method", "fca", *typed[2:]).natural == natural.model_copy(
-        update={"feature_cm": None, "symmetric": False}
-    )
+    assert chosen("--method", "fca", *typed[2:]).natural == natural.model_copy(update={"symmetric": False})
 
 
 def test_both_sides_alike_or_not(chosen: Any) -> None:
     ours = chosen("--method", "ours")
-    assert ours.natural == Naturalness(feature_cm=5.0, symmetric=True)
+    assert ours.natural == Naturalness(symmetric=True)
     assert chosen("--method", "ours", "--symmetric") == ours
-    assert chosen("--method", "ours", "--asymmetric").natural == Naturalness(feature_cm=5.0)
+    assert chosen("--method", "ours", "--asymmetric").natural is None
     assert chosen("--method", "fca", "--symmetric").natural == Naturalness(symmetric=True)
     assert chosen("--method", "fca", "--asymmetric").natural is None
     assert chosen("--method", "ours", "--asymmetric", "--palette", "#000000").natural.symmetric is False

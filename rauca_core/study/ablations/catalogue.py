@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import pairwise
 
-from ...attack.methods import method_named
+from ...attack.methods import FEW_FRAMES, method_named
 from ...contract import RaucaError
 from .experiment import OURS, PAPER, Claim, Experiment, Variant
 
@@ -120,19 +120,19 @@ AUGMENTATION = Experiment(
     (
         Variant("without-roa", "Without ROA", {"roa": False}, paper_row="Without ROA"),
         Variant("with-roa", "With ROA", paper_row="With ROA"),
-        Variant("mirrored", "With ROA, mirrored, nearer and farther", {"augmentation": "ours"}, quick=False),
+        Variant("mirrored", "With ROA, mirrored, nearer and farther", {"augmentation": "mirrored"}, quick=False),
         Variant("ours", "ours, with ROA", {"augmentation": "rauca"}, method="ours", quick=False),
-        Variant("ours-mirrored", "ours, mirrored", {"augmentation": "ours"}, method="ours", quick=False),
-        Variant("ours-wide", "ours, wide", {"augmentation": "wide"}, method="ours", quick=False),
+        Variant("ours-mirrored", "ours, mirrored", {"augmentation": "mirrored"}, method="ours", quick=False),
+        Variant("ours-crops", "ours, crops", method="ours", quick=False),
     ),
     (
         *_chain("with-roa", "without-roa"),
         Claim(("mirrored",), ("with-roa",), OURS),
         Claim(("ours-mirrored",), ("ours",), OURS),
-        Claim(("ours-wide",), ("ours-mirrored",), OURS),
+        Claim(("ours-crops",), ("ours-mirrored",), OURS),
     ),
     "ablation-augmentation",
-    notes=("Wide: mirrored, turned by up to 10 degrees, 0.4 to 1.2 times as large, relit in every step.",),
+    notes=("Crops: mirrored, and the vehicle fills .3 to 1.2 of what detectors are shown.",),
 )
 
 ENVIRONMENT = Experiment(
@@ -220,8 +220,15 @@ PAINT = Experiment(
     "Freedom of the paint",
     "Which paint carries over to new views and detectors: patches, or a pattern that repeats, and of what size?",
     (
-        Variant("patches", "ours: patches of 5 cm", method="ours"),
-        Variant("patches-confidence", "ours, confidence", {"objective": "confidence"}, method="ours", quick=False),
+        Variant("texels", "ours: free texels", method="ours", quick=False),
+        Variant("patches", "ours: patches of 5 cm", FEW_FRAMES, method="ours"),
+        Variant(
+            "patches-confidence",
+            "ours, confidence",
+            {**FEW_FRAMES, "objective": "confidence"},
+            method="ours",
+            quick=False,
+        ),
         _pattern(0.5, quick=True),
         _pattern(1.0),
         _pattern(2.0),
@@ -231,6 +238,7 @@ PAINT = Experiment(
         Claim(("pattern-0.5m",), ("patches",), OURS),
         Claim(("pattern-1m",), ("patches",), OURS),
         Claim(("pattern-2m",), ("patches",), OURS),
+        Claim(("texels",), ("patches",), OURS),
         Claim(("patches",), ("patches-confidence",), OURS),
         Claim(("pattern-0.5m",), ("pattern-0.5m-confidence",), OURS),
     ),
