@@ -151,7 +151,10 @@ class Augmentation:
             torch.tensor(values, dtype=torch.float32) for values in (np.stack(rows, 1), brightness, contrast)
         )
         first = torch.tensor(rng.random(batch) < 0.5) if ranges.as_published else None
-        vehicle = None if ranges.vehicle is None else torch.tensor(np.exp(rng.uniform(*np.log(ranges.vehicle), batch)))
+        vehicle = None
+        if ranges.vehicle is not None:
+            low, high = np.log(ranges.vehicle)
+            vehicle = torch.tensor(np.exp(rng.uniform(low, high, batch)))
         return Augmentation(matrix, added, factor, first, vehicle)
 
     def part(self, first: int, step: int) -> Augmentation:
