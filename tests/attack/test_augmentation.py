@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from rauca_core.attack import Augmentation
-from rauca_core.attack.augmentation import BACKDROP, ENLARGED, RANGES, AugmentationName
+from rauca_core.attack.augmentation import BACKDROP, CROP, ENLARGED, RANGES, AugmentationName
 from rauca_core.contract.seeding import named_rng
 
 
@@ -51,6 +51,13 @@ def test_a_crop_shows_the_vehicle_as_large_as_was_drawn(side: int | None, box: l
     longer = (found[:, 2] - found[:, 0]).numpy() / (side or frame)
     wanted = np.clip(drawn.vehicle.numpy(), *(np.array(ENLARGED) * (x1 - x0) / (side or frame)))
     assert np.abs(longer / wanted - 1).max() < 0.07
+
+
+def test_a_crop_of_a_large_frame_costs_what_a_small_frame_does() -> None:
+    drawn = Augmentation.draw(named_rng("crop"), 1, RANGES["crops"])
+    box = torch.tensor([[100.0, 150.0, 300.0, 250.0]])
+    assert drawn(torch.zeros(1, 3, 640, 640), box)[0].shape[2:] == (CROP, CROP)
+    assert drawn(torch.zeros(1, 3, 128, 128), box / 4)[0].shape[2:] == (128, 128)
 
 
 def test_a_vehicle_of_no_size_and_one_beyond_the_picture_have_crops() -> None:
