@@ -159,7 +159,7 @@ METHODS: Mapping[str, Method] = {
             "natural": Naturalness(symmetric=True),
             "lr": 0.03,
             "decay": 0.03,
-            # Detectors of larger pictures see paint sharper than a whole frame shows it (docs/results.md, "Crops").
+            # A frame of 640 pixels costs no more than one of 320 (docs/results.md, "Crops and free texels").
             "augmentation": "crops",
             "rest": 3,  # lower than without, though by no more than chance (docs/ablations.md)
             "turns": True,
