@@ -188,9 +188,9 @@ class Augmentation:
     def place(self, boxes: Tensor, width: int, height: int, side: int | None = None) -> Placement:
         """Where the pixels of images of this size go, whose vehicles are at ``boxes`` (B, 4) xyxy."""
         turn, shift = self.matrix.double().cpu().split([2, 1], 2)
-        center = torch.tensor([[width / 2], [height / 2]], dtype=torch.float64)
         if self.vehicle is None:
             sides = torch.tensor([[width], [height]], dtype=torch.float64)
+            center = sides / 2
             return Placement(torch.cat([turn, shift * sides + center - turn @ center], 2), width, height)
         side = side or min(max(width, height), CROP)
         low, high = boxes.double().cpu().split(2, 1)
