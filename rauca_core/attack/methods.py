@@ -179,8 +179,8 @@ METHODS: Mapping[str, Method] = {
 }
 
 
-# Of ours, where it learns from a few dozen frames of 320 pixels, as in the demo, an assessment and a hardening: patches
-# fit the frames at hand less than free texels do.
+# Of ours, where a few hundred steps begin with noise, as in the demo and a hardening: free texels end higher there
+# (docs/results.md, "Crops and free texels").
 FEW_FRAMES: Mapping[str, Any] = MappingProxyType(
     {"augmentation": "mirrored", "natural": Naturalness(feature_cm=5.0, symmetric=True)}
 )

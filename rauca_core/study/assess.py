@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Unpack
 
-from ..attack import FEW_FRAMES, make_settings, settings_of
+from ..attack import make_settings, settings_of
 from ..contract import Clips, Dataset, RaucaError, load_camouflage
 from ..detect import Detector
 from ..motion.tracks import require_trackers
@@ -266,7 +266,8 @@ def _attack(
     the detector on these views, which saves it the hundreds of steps that noise needs to become a pattern.
     """
     views = battery.attack_views(choice, effort.frames)
-    wanted = {**FEW_FRAMES, "steps": effort.steps, "map_size": MAP_SIZE, "checkpoint_every": 50}
+    # Whole frames, of the size that is judged by, win the attacked detector further than crops do.
+    wanted = {"augmentation": "mirrored", "steps": effort.steps, "map_size": MAP_SIZE, "checkpoint_every": 50}
     fitting = {name: path for name, path in known.items() if load_camouflage(path)[0].size == MAP_SIZE}
     first: dict[str, Path] = {}
     if fitting:

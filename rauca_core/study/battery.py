@@ -3,7 +3,7 @@
 A battery is a file, ``assets/batteries/<name>.json``, and never changes once it is released; a better one gets the next
 number. Its places were never chosen, trained or optimized on, and its camouflages were made in another town::
 
-    {"format": "rauca-battery", "version": 1, "name": "assess-2", "category": "car",
+    {"format": "rauca-battery", "version": 1, "name": "assess-3", "category": "car",
      "vehicles": [{"name": "sedan", "content": "<digest>", "camouflages": {"ours-ssd": "<sha256 of the UV map>"}}, ...],
      "made_against": {"ours-ssd": ["<fingerprint of a detector>", ...], ...},
      "random": {"seed": 1, "cell": 8, "size": 1024},
@@ -27,7 +27,7 @@ from .artifact import Artifact
 from .candidates import VehicleChoice, find_vehicles
 from .evaluate import RandomPaint
 
-LATEST = "assess-2"
+LATEST = "assess-3"
 BUDGETS = ("quick", "standard", "overnight")
 
 
