@@ -4,7 +4,7 @@ from .augmentation import Augmentation
 from .ensemble import DetectorEnsemble
 from .history import StepReport, read_history
 from .losses import attack_loss, box_overlap, detection_score
-from .methods import FEW_FRAMES, METHODS, method_named, settings_of
+from .methods import FEW_STEPS, METHODS, method_named, settings_of
 from .optimizer import load_attacked, optimize, run_optimization
 from .paint import Paint, load_paint, random_camouflage
 from .paint_losses import SmoothLoss
@@ -12,7 +12,7 @@ from .renderer import Renderer
 from .settings import OptimizerSettings, make_settings
 
 __all__ = [
-    "FEW_FRAMES",
+    "FEW_STEPS",
     "METHODS",
     "Augmentation",
     "DetectorEnsemble",

@@ -181,7 +181,7 @@ METHODS: Mapping[str, Method] = {
 
 # Of ours, where a few hundred steps begin with noise, as in the demo and a hardening: free texels end higher there
 # (docs/results.md, "Crops and free texels").
-FEW_FRAMES: Mapping[str, Any] = MappingProxyType(
+FEW_STEPS: Mapping[str, Any] = MappingProxyType(
     {"augmentation": "mirrored", "natural": Naturalness(feature_cm=5.0, symmetric=True)}
 )
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
-from ..attack import FEW_FRAMES, make_settings, read_history, settings_of
+from ..attack import FEW_STEPS, make_settings, read_history, settings_of
 from ..contract import Dataset, Plan, Progress, Quality, RaucaError, Ring, load_camouflage
 from ..contract.towns import TEST, TRAINING
 from ..detect import fetch
@@ -82,7 +82,7 @@ def demo(
         choice = read_vehicle_choice(body.place)
         choice = replace(choice, category=choice.target)
         detectors = detectors_for(names, [choice.category], engine.machine)
-        wanted = {**FEW_FRAMES, "steps": size.steps, "batch": size.batch, "seed": SEED, "checkpoint_every": 50}
+        wanted = {**FEW_STEPS, "steps": size.steps, "batch": size.batch, "seed": SEED, "checkpoint_every": 50}
         settings = make_settings(**settings_of("ours", **wanted, target=choice.target))
         train = _views(body, size, "train")
         held_out = _views(body, size, "held-out")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import pairwise
 
-from ...attack.methods import FEW_FRAMES, method_named
+from ...attack.methods import FEW_STEPS, method_named
 from ...contract import RaucaError
 from .experiment import OURS, PAPER, Claim, Experiment, Variant
 
@@ -221,11 +221,11 @@ PAINT = Experiment(
     "Which paint carries over to new views and detectors: patches, or a pattern that repeats, and of what size?",
     (
         Variant("texels", "ours: free texels", method="ours", quick=False),
-        Variant("patches", "ours: patches of 5 cm", FEW_FRAMES, method="ours"),
+        Variant("patches", "ours: patches of 5 cm", FEW_STEPS, method="ours"),
         Variant(
             "patches-confidence",
             "ours, confidence",
-            {**FEW_FRAMES, "objective": "confidence"},
+            {**FEW_STEPS, "objective": "confidence"},
             method="ours",
             quick=False,
         ),
