@@ -1,6 +1,6 @@
 """Write a frozen battery, ``assets/batteries/<name>.json``, and add to the library of camouflages (`study/battery.py`).
 
-    python tools/make_battery.py assess-3 LIBRARY --shipped dta --shipped rauca-final
+    python tools/make_battery.py assess-4 LIBRARY --shipped texels-seven
 
 ``LIBRARY/<vehicle>/<label>/camouflage.json`` are new camouflages, the same labels for every vehicle, made on
 ``LIBRARY/<vehicle>/data``, in other places than those below. ``--shipped`` are some of earlier batteries. A battery
