@@ -29,7 +29,7 @@ from .panel import SidebarPanel, State, StepPanel, choice, folder_setting, parag
 JOB = "evaluate"
 MARK = "evaluated.json"  # in a folder that this step writes to: whether what it began there is finished
 BATTERY_VEHICLES = ("sedan", "suv")  # that `rauca assess` looks at
-BATTERY_PAINTS = 8  # the vehicle's own, random, and a library of six
+BATTERY_PAINTS = 5  # the vehicle's own, random, and a library of three
 
 
 @dataclass(frozen=True)
