@@ -4,8 +4,8 @@ A battery is a file, ``assets/batteries/<name>.json``, and never changes once it
 number. Its places were never chosen, trained or optimized on, and its camouflages were made in another town::
 
     {"format": "rauca-battery", "version": 1, "name": "assess-3", "category": "car",
-     "vehicles": [{"name": "sedan", "content": "<digest>", "camouflages": {"ours-ssd": "<sha256 of the UV map>"}}, ...],
-     "made_against": {"ours-ssd": ["<fingerprint of a detector>", ...], ...},
+     "vehicles": [{"name": "sedan", "content": "<digest>", "camouflages": {"texels-four": "<sha256 of its map>"}}, ...],
+     "made_against": {"texels-four": ["<fingerprint of a detector>", ...], ...},
      "random": {"seed": 1, "cell": 8, "size": 1024},
      "attack": {...},
      "views": [{"name": "street-seen", "plan": {...}, "frames": {"quick": 8, "standard": 32, "overnight": 128}}, ...]}
