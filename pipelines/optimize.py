@@ -115,8 +115,7 @@ def optimize(
     augmentation: Annotated[
         str | None,
         typer.Option(
-            help="its ranges: rauca (the paper's), published (the code's), active, mirrored (and near and far), "
-            "crops (ours: around the vehicle)"
+            help="its ranges: rauca (the paper's), published (the code's), active, mirrored (ours: and near and far)"
         ),
     ] = None,
     rest: Annotated[

@@ -17,50 +17,41 @@ from ..runtime.kernels import njit
 CHANNELS = 3
 
 
-def augment(
-    images: Tensor, to_source: Tensor, brightness: Tensor, contrast: Tensor, backdrop: float, size: tuple[int, int]
-) -> Tensor:
-    """Move and relight pictures on the CPU; what ``relight(place.images(images))`` gives.
+def augment(images: Tensor, to_source: Tensor, brightness: Tensor, contrast: Tensor, backdrop: float) -> Tensor:
+    """Move and relight pictures on the CPU; what ``relight(move_images(images))`` gives.
 
     Args:
         images: (B, 3, H, W) float32 or float64 sRGB.
         to_source: (B, 2, 3) from a pixel's center (x, y, 1) in the result to its place in the source, both in pixels.
         brightness, contrast: (B,).
         backdrop: sRGB value outside the source.
-        size: width and height of the result, pixels.
 
     Returns:
-        (B, 3, height, width), channels last in memory.
+        (B, 3, H, W), channels last in memory.
     """
-    moved: Tensor = _Augment.apply(images, to_source, brightness, contrast, backdrop, size)
+    moved: Tensor = _Augment.apply(images, to_source, brightness, contrast, backdrop)
     return moved
 
 
 class _Augment(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any,
-        images: Tensor,
-        to_source: Tensor,
-        brightness: Tensor,
-        contrast: Tensor,
-        backdrop: float,
-        size: tuple[int, int],
+        ctx: Any, images: Tensor, to_source: Tensor, brightness: Tensor, contrast: Tensor, backdrop: float
     ) -> Tensor:
         source = _pixels(images.detach())
-        result = np.empty((len(source), size[1], size[0], CHANNELS), source.dtype)
+        result = np.empty_like(source)
         matrices, offsets, factors = (t.to(images).numpy() for t in (to_source, brightness, contrast))
         _forward(source, matrices, offsets, factors, source.dtype.type(backdrop), result)
-        ctx.matrices, ctx.factors, ctx.result, ctx.source_shape = matrices, factors, result, source.shape
+        ctx.matrices, ctx.factors, ctx.result = matrices, factors, result
         ctx.relit = (factors != 1) | (offsets != 0)
         return torch.from_numpy(result).permute(0, 3, 1, 2)
 
     @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None, None, None, None]:
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None, None, None]:
         handed = _pixels(gradients[0]).copy()
-        gradient = np.zeros(ctx.source_shape, handed.dtype)
+        gradient = np.zeros_like(handed)
         _backward(handed, ctx.matrices, ctx.factors, ctx.relit, ctx.result, gradient)
-        return torch.from_numpy(gradient).permute(0, 3, 1, 2), None, None, None, None, None
+        return torch.from_numpy(gradient).permute(0, 3, 1, 2), None, None, None, None
 
 
 def _pixels(images: Tensor) -> Any:
@@ -71,11 +62,10 @@ def _pixels(images: Tensor) -> Any:
 @njit(cache=True, nogil=True)
 def _forward(source: Any, to_source: Any, brightness: Any, contrast: Any, backdrop: Any, result: Any) -> None:
     height, width = source.shape[1], source.shape[2]
-    rows, columns = result.shape[1], result.shape[2]
     for b in range(source.shape[0]):
         matrix, total = to_source[b], 0.0
-        for row in range(rows):
-            for column in range(columns):
+        for row in range(height):
+            for column in range(width):
                 top, left, upper, lower, first, second = _tap(matrix, row, column)
                 if 0 <= top < height - 1 and 0 <= left < width - 1:
                     one, two, three, four = upper * first, upper * second, lower * first, lower * second
@@ -94,22 +84,21 @@ def _forward(source: Any, to_source: Any, brightness: Any, contrast: Any, backdr
                                     result[b, row, column, c] += down * across * (source[b, i, j, c] - backdrop)
                 for c in range(CHANNELS):
                     total += result[b, row, column, c]
-        mean = total / (rows * columns * CHANNELS)
+        mean = total / (height * width * CHANNELS)
         _relight(result[b].reshape(-1), contrast[b], source.dtype.type(mean - mean * contrast[b] + brightness[b]))
 
 
 @njit(cache=True, nogil=True)
 def _backward(handed: Any, to_source: Any, contrast: Any, relit: Any, result: Any, gradient: Any) -> None:
-    height, width = gradient.shape[1], gradient.shape[2]
-    rows, columns = handed.shape[1], handed.shape[2]
+    height, width = handed.shape[1], handed.shape[2]
     for b in range(handed.shape[0]):
         matrix, total = to_source[b], 0.0
         if relit[b]:  # what was only moved is not clipped: 0 and 1 are its own, and keep their gradient
             total = _unclip(handed[b].reshape(-1), result[b].reshape(-1))
         # Every pixel also moves the mean that contrast turns about.
-        factor, common = contrast[b], handed.dtype.type(total * (1 - contrast[b]) / (rows * columns * CHANNELS))
-        for row in range(rows):
-            for column in range(columns):
+        factor, common = contrast[b], handed.dtype.type(total * (1 - contrast[b]) / (height * width * CHANNELS))
+        for row in range(height):
+            for column in range(width):
                 top, left, upper, lower, first, second = _tap(matrix, row, column)
                 if 0 <= top < height - 1 and 0 <= left < width - 1:
                     one, two, three, four = upper * first, upper * second, lower * first, lower * second

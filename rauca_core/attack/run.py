@@ -177,18 +177,18 @@ class Run:
     def _augment(self, images: Tensor, boxes: Tensor) -> tuple[Tensor, Tensor]:
         """What the detectors are shown of images (B, 3, H, W) and boxes (B, 4)."""
         boxes, side = boxes.to(images), self.settings.detector_size
+        if side is not None and side != images.shape[-1]:
+            boxes = boxes * (side / images.shape[-1])
+            images = functional.interpolate(
+                images, size=(side, side), mode="bilinear", antialias=True, align_corners=False
+            )
         if self.settings.roa:
             drawn = Augmentation.draw(
                 named_rng(self.settings.seed, "roa", self.step),
                 self.settings.batch,
                 RANGES[self.settings.augmentation],
             )
-            images, boxes = drawn.part(self.processes.rank, self.processes.size)(images, boxes, side)
-        if side is not None and side != images.shape[-1]:
-            boxes = boxes * (side / images.shape[-1])
-            images = functional.interpolate(
-                images, size=(side, side), mode="bilinear", antialias=True, align_corners=False
-            )
+            images, boxes = drawn.part(self.processes.rank, self.processes.size)(images, boxes)
         return images, boxes
 
     def _attack(self, seen: Tensor, boxes: Tensor, batch: list[ReadyFrame]) -> Attacked:

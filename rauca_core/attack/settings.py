@@ -65,7 +65,7 @@ class OptimizerSettings(Settings):
         precision: of the detectors' networks; losses are in float32.
         target: the class to hide.
         detector_size: images are resized to this side first, pixels, and so is the detector's input, where it is free;
-            None leaves them to the detector's adapter. In ``augmentation`` "crops" the side of a crop.
+            None leaves them to the detector's adapter.
         checkpoint_every: steps.
         threads: of torch on the CPU; None leaves torch's own choice.
         memory_mb: frames and taps kept in memory, MiB.

@@ -266,8 +266,7 @@ def _attack(
     the detector on these views, which saves it the hundreds of steps that noise needs to become a pattern.
     """
     views = battery.attack_views(choice, effort.frames)
-    # Whole frames, of the size that is judged by, win the attacked detector further than crops do.
-    wanted = {"augmentation": "mirrored", "steps": effort.steps, "map_size": MAP_SIZE, "checkpoint_every": 50}
+    wanted = {"steps": effort.steps, "map_size": MAP_SIZE, "checkpoint_every": 50}
     fitting = {name: path for name, path in known.items() if load_camouflage(path)[0].size == MAP_SIZE}
     first: dict[str, Path] = {}
     if fitting:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..attack import OptimizerSettings, StepReport, make_settings, run_optimization, settings_of
-from ..attack.methods import FEW_STEPS, method_named
+from ..attack.methods import method_named
 from ..contract import Dataset, Progress, load_camouflage
 from ..contract.seeding import named_seed
 from ..detect import Detector
@@ -52,7 +52,6 @@ def attack_settings(
         chosen["lr"] = settings.attack_lr
     if "natural" in own:
         patches = settings.attack_patches
-        chosen["augmentation"] = FEW_STEPS["augmentation"]
         chosen["natural"] = own["natural"].model_copy(update={"feature_cm": patches[turn % len(patches)]})
     if begin_with is not None:
         chosen["begin_with"] = begin_with
