@@ -28,7 +28,7 @@ TEST: Mapping[str, int] = MappingProxyType(
         "held-out views": 20_000,
         "the headline of the documentation": 20_501,
         "the headline before it": 20_500,
-        "the headline to come, of whole frames": 20_503,
+        "whole frames on the E-Tron": 20_503,
         "the sedan's headline": 20_502,
         "held-out clips": 20_004,
         "batteries, street-seen": 31_600,

@@ -19,6 +19,7 @@ import torch
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.attack import (
     METHODS,
+    Augmentation,
     DetectorEnsemble,
     OptimizerSettings,
     ensemble,
@@ -202,6 +203,18 @@ def test_images_and_boxes_reach_the_detector_at_its_size(
         run(str(number), steps=1, roa=False, detector_size=size)
     assert shapes == [(2, 3, 64, 64), (2, 3, 128, 128)]
     assert torch.equal(boxes[0] * 2, boxes[1])
+
+
+def test_images_are_resized_before_they_are_moved(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes, move = [], Augmentation.__call__
+
+    def watched(drawn: Augmentation, images: torch.Tensor, boxes: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        sizes.append(tuple(images.shape[2:]))
+        return move(drawn, images, boxes)
+
+    monkeypatch.setattr(Augmentation, "__call__", watched)
+    run(steps=1, detector_size=128)
+    assert sizes == [(128, 128)]
 
 
 def test_wrong_conditions_are_refused(run: Any, small_detector: Any, tmp_path: Path, box_vehicle: Vehicle) -> None:
