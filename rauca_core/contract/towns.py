@@ -29,6 +29,7 @@ TEST: Mapping[str, int] = MappingProxyType(
         "the headline of the documentation": 20_501,
         "the headline before it": 20_500,
         "whole frames on the E-Tron": 20_503,
+        "near and far on both cars": 20_504,
         "the sedan's headline": 20_502,
         "held-out clips": 20_004,
         "batteries, street-seen": 31_600,
