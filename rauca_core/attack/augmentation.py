@@ -5,7 +5,7 @@ Unlike in the public code, the ground-truth box moves with the image; ``publishe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -19,7 +19,8 @@ from . import augmentation_cpu
 BACKDROP = 0.5  # sRGB grey where the moved image leaves the frame empty, like a letterbox's border
 
 
-AugmentationName = Literal["rauca", "active", "mirrored", "published"]
+AugmentationName = Literal["rauca", "active", "zoomed", "published"]
+FILL = 1.2  # of a side of the picture that a vehicle drawn nearer fills at most
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ class Ranges:
         jitter: probability of a change of color.
         mirror: probability that left and right change places: as good a view, which costs no render.
         move: probability of being turned, shifted and scaled.
+        zoom: scales are even in their logarithm, the highest is of pixels of the frame as they are shown, and a vehicle
+            drawn nearer stays in the picture, see `Augmentation.zoomed`.
         as_published: black where the image leaves the frame empty; contrast multiplies, about black, and comes before
             or after brightness, each clipped to [0, 1]; the box stays.
     """
@@ -47,13 +50,14 @@ class Ranges:
     jitter: float = 0.5
     mirror: float = 0.0
     move: float = 1.0
+    zoom: bool = False
     as_published: bool = False
 
 
 RANGES: dict[AugmentationName, Ranges] = {
     "rauca": Ranges(),
     "active": Ranges(rotation_deg=0.0, scales=(0.25, 1.0), jitter=1.0),
-    "mirrored": Ranges(scales=(0.6, 1.2), mirror=0.5),
+    "zoomed": Ranges(scales=(0.6, 1.2), mirror=0.5, zoom=True),
     # kornia's RandomAffine moves every second image where it is not told otherwise, and the public code does not.
     "published": Ranges(move=0.5, as_published=True),
 }
@@ -69,12 +73,14 @@ class Augmentation:
         brightness: (B,) offset; 0 leaves the image alone.
         contrast: (B,) factor; 1 leaves the image alone.
         brightness_first: (B,) bool, only as published: whether brightness comes before contrast.
+        chances: (B, 3) in [0, 1], only with ``zoom``: where in its range scale, right and down lie.
     """
 
     matrix: Tensor
     brightness: Tensor
     contrast: Tensor
     brightness_first: Tensor | None = None
+    chances: Tensor | None = None
 
     @staticmethod
     def draw(rng: np.random.Generator, batch: int, ranges: Ranges = RANGES["rauca"]) -> Augmentation:
@@ -96,13 +102,42 @@ class Augmentation:
             torch.tensor(values, dtype=torch.float32) for values in (np.stack(rows, 1), brightness, contrast)
         )
         first = torch.tensor(rng.random(batch) < 0.5) if ranges.as_published else None
-        return Augmentation(matrix, added, factor, first)
+        chances = torch.from_numpy(rng.random((batch, 3))) if ranges.zoom else None
+        return Augmentation(matrix, added, factor, first, chances)
 
     def part(self, first: int, step: int) -> Augmentation:
         """Those of every ``step``-th image from ``first`` on."""
         mine = slice(first, None, step)
         order = None if self.brightness_first is None else self.brightness_first[mine]
-        return Augmentation(self.matrix[mine], self.brightness[mine], self.contrast[mine], order)
+        chances = None if self.chances is None else self.chances[mine]
+        return Augmentation(self.matrix[mine], self.brightness[mine], self.contrast[mine], order, chances)
+
+    def zoomed(self, boxes: Tensor, side: int, shown: int, ranges: Ranges) -> Augmentation:
+        """The same with scales and places for the vehicles of these pictures, as ``zoom`` of `Ranges` asks.
+
+        A picture that shows less of the frame than there is shows the vehicle wherever all of it has room. One that
+        shows more is shifted as in any ROA.
+
+        Args:
+            boxes: (B, 4) xyxy, pixels of the frame.
+            side: of the frame, pixels.
+            shown: the side that the moved frame is reduced to for the detectors: the frame's own detail allows scales
+                ``side / shown`` times as high as the highest of ``ranges``.
+        """
+        assert self.chances is not None
+        chances, box = self.chances, boxes.double().cpu() / side
+        size, center = box[:, 2:] - box[:, :2], (box[:, :2] + box[:, 2:] - 1) / 2
+        lowest, highest = ranges.scales[0], ranges.scales[1] * side / shown
+        highest_here = (FILL / size.amax(1).clamp(min=1e-3)).clamp(min=lowest, max=highest)
+        scale = lowest * (highest_here / lowest) ** chances[:, 0]
+        turn = self.matrix[:, :, :2].double()
+        turn = turn / torch.linalg.det(turn).abs().sqrt()[:, None, None] * scale[:, None, None]
+        either_way, beyond = 2 * chances[:, 1:] - 1, ((scale - 1) / 2 + ranges.translation)[:, None]
+        room = (0.5 - scale[:, None] * size / 2).abs()  # that the box has, or lacks, on every side of the picture
+        near = either_way * room - (turn @ center[:, :, None])[:, :, 0]
+        near = torch.minimum(torch.maximum(near, -beyond), beyond)  # the frame does not end inside the picture
+        shift = torch.where(scale[:, None] > 1, near, either_way * ranges.translation)
+        return replace(self, matrix=torch.cat([turn, shift[:, :, None]], 2).float())
 
     def __call__(self, images: Tensor, boxes: Tensor) -> tuple[Tensor, Tensor]:
         """Augment sRGB images (B, 3, H, W) in [0, 1] and move their boxes (B, 4) xyxy along.

@@ -176,19 +176,21 @@ class Run:
 
     def _augment(self, images: Tensor, boxes: Tensor) -> tuple[Tensor, Tensor]:
         """What the detectors are shown of images (B, 3, H, W) and boxes (B, 4)."""
-        boxes, side = boxes.to(images), self.settings.detector_size
-        if side is not None and side != images.shape[-1]:
-            boxes = boxes * (side / images.shape[-1])
-            images = functional.interpolate(
-                images, size=(side, side), mode="bilinear", antialias=True, align_corners=False
-            )
+        boxes, side = boxes.to(images), images.shape[-1]
+        shown = self.settings.detector_size or side
         if self.settings.roa:
-            drawn = Augmentation.draw(
-                named_rng(self.settings.seed, "roa", self.step),
-                self.settings.batch,
-                RANGES[self.settings.augmentation],
+            ranges = RANGES[self.settings.augmentation]
+            drawn = Augmentation.draw(named_rng(self.settings.seed, "roa", self.step), self.settings.batch, ranges)
+            drawn = drawn.part(self.processes.rank, self.processes.size)
+            if ranges.zoom:
+                drawn = drawn.zoomed(boxes, side, shown, ranges)
+            images, boxes = drawn(images, boxes)
+        # Moved first: what is drawn nearer shows the detail that the frame has.
+        if shown != side:
+            boxes = boxes * (shown / side)
+            images = functional.interpolate(
+                images, size=(shown, shown), mode="bilinear", antialias=True, align_corners=False
             )
-            images, boxes = drawn.part(self.processes.rank, self.processes.size)(images, boxes)
         return images, boxes
 
     def _attack(self, seen: Tensor, boxes: Tensor, batch: list[ReadyFrame]) -> Attacked:

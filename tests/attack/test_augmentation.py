@@ -7,13 +7,13 @@ import pytest
 import torch
 
 from rauca_core.attack import Augmentation
-from rauca_core.attack.augmentation import BACKDROP, RANGES, AugmentationName
+from rauca_core.attack.augmentation import BACKDROP, FILL, RANGES, AugmentationName
 from rauca_core.contract.seeding import named_rng
 
 
 @pytest.mark.parametrize(("width", "height"), [(96, 96), (140, 90)])
 @pytest.mark.parametrize("extra_turn", [0.0, 0.5])
-@pytest.mark.parametrize("ranges", ["rauca", "mirrored"])
+@pytest.mark.parametrize("ranges", ["rauca", "zoomed"])
 def test_boxes_move_with_the_picture(width: int, height: int, extra_turn: float, ranges: AugmentationName) -> None:
     """A painted rectangle, found again after the move, fills its moved box; wider turns show skew that 5 deg hides."""
     batch = 24
@@ -55,12 +55,41 @@ def test_ranges_and_share_of_relit_images() -> None:
 
 
 def test_half_of_the_pictures_are_mirrored() -> None:
-    roa = Augmentation.draw(named_rng("mirror"), 4000, RANGES["mirrored"])
+    roa = Augmentation.draw(named_rng("mirror"), 4000, RANGES["zoomed"])
     sides = torch.linalg.det(roa.matrix[:, :, :2]).sign()
     assert 0.46 < (sides < 0).float().mean() < 0.54
     as_published = Augmentation.draw(named_rng("mirror"), 4000)
     assert (torch.linalg.det(as_published.matrix[:, :, :2]) > 0).all()
     assert torch.equal(roa.brightness, as_published.brightness)  # drawn after the rest, whose stream stays as it was
+
+
+def test_zoomed_pictures_show_the_vehicle_as_near_as_the_frame_is_sharp() -> None:
+    """From 0.6 of the frame to 1.2 of its pixels, evenly in the logarithm; drawn nearer, a vehicle stays."""
+    batch, side, shown, ranges = 4000, 640, 320, RANGES["zoomed"]
+    generator = torch.Generator().manual_seed(5)
+    size = 20 + 300 * torch.rand(batch, 2, generator=generator)
+    low = torch.rand(batch, 2, generator=generator) * (side - size)
+    boxes = torch.cat([low, low + size], 1)
+    roa = Augmentation.draw(named_rng("zoom"), batch, ranges).zoomed(boxes, side, shown, ranges)
+    scale = torch.linalg.det(roa.matrix[:, :, :2]).abs().sqrt()
+    highest = (FILL * side / size.amax(1)).clamp(max=2.4)  # of small vehicles 2.4, of the largest 1.2 sides of a picture
+    share = (scale / 0.6).log() / (highest / 0.6).log()
+    assert -1e-5 <= share.min() < 0.01 < 0.99 < share.max() <= 1 + 1e-5
+    assert 0.48 < share.mean() < 0.52
+    assert scale.max() > 2.3
+    moved = roa.move_boxes(boxes, side, side)
+    kept = ((moved[:, 2:] - moved[:, :2]) / (scale[:, None] * size)).amin(1)
+    fits = (scale[:, None] * size < side).all(1)
+    assert kept[fits & (scale > 1)].min() > 0.9  # a turned box may touch the border
+    assert kept[scale > 1].min() > 1 / FILL - 0.02
+
+
+def test_a_zoomed_vehicle_of_no_area_or_beyond_the_frame_is_finite() -> None:
+    boxes = torch.tensor([[0.0, 0, 0, 0], [0, 0, 64, 64], [63, 63, 64, 64], [-90, -90, 190, 190]])
+    ranges = RANGES["zoomed"]
+    roa = Augmentation.draw(named_rng("hard zoom"), 4, ranges).zoomed(boxes, 64, 32, ranges)
+    assert torch.isfinite(roa.matrix).all()
+    assert (torch.linalg.det(roa.matrix[:, :, :2]).abs().sqrt() >= 0.6 - 1e-5).all()
 
 
 @pytest.mark.parametrize(("width", "height"), [(64, 64), (50, 34)])

@@ -205,7 +205,7 @@ def test_images_and_boxes_reach_the_detector_at_its_size(
     assert torch.equal(boxes[0] * 2, boxes[1])
 
 
-def test_images_are_resized_before_they_are_moved(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_images_are_moved_before_they_are_reduced(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     sizes, move = [], Augmentation.__call__
 
     def watched(drawn: Augmentation, images: torch.Tensor, boxes: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -213,8 +213,8 @@ def test_images_are_resized_before_they_are_moved(run: Any, monkeypatch: pytest.
         return move(drawn, images, boxes)
 
     monkeypatch.setattr(Augmentation, "__call__", watched)
-    run(steps=1, detector_size=128)
-    assert sizes == [(128, 128)]
+    run(steps=1, detector_size=32, augmentation="zoomed")
+    assert sizes == [(64, 64)]
 
 
 def test_wrong_conditions_are_refused(run: Any, small_detector: Any, tmp_path: Path, box_vehicle: Vehicle) -> None:

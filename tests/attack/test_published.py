@@ -253,7 +253,7 @@ def test_ours_is_the_headlines_with_both_sides_alike_and_detectors_by_turns() ->
     ours = make_settings(**settings_of("ours"))
     assert ours.natural == Naturalness(symmetric=True)
     assert ours.turns
-    assert (ours.augmentation, ours.rest, ours.objective) == ("mirrored", 3, "log-score")
+    assert (ours.augmentation, ours.rest, ours.objective) == ("zoomed", 3, "log-score")
     assert (ours.lr, ours.decay) == (0.03, 0.03)
 
 

@@ -120,14 +120,14 @@ AUGMENTATION = Experiment(
     (
         Variant("without-roa", "Without ROA", {"roa": False}, paper_row="Without ROA"),
         Variant("with-roa", "With ROA", paper_row="With ROA"),
-        Variant("mirrored", "With ROA, mirrored, nearer and farther", {"augmentation": "mirrored"}, quick=False),
+        Variant("zoomed", "With ROA, mirrored, nearer and farther", {"augmentation": "zoomed"}, quick=False),
         Variant("ours", "ours, with ROA", {"augmentation": "rauca"}, method="ours", quick=False),
-        Variant("ours-mirrored", "ours, mirrored", method="ours", quick=False),
+        Variant("ours-zoomed", "ours, mirrored, nearer and farther", method="ours", quick=False),
     ),
     (
         *_chain("with-roa", "without-roa"),
-        Claim(("mirrored",), ("with-roa",), OURS),
-        Claim(("ours-mirrored",), ("ours",), OURS),
+        Claim(("zoomed",), ("with-roa",), OURS),
+        Claim(("ours-zoomed",), ("ours",), OURS),
     ),
     "ablation-augmentation",
 )
