@@ -61,9 +61,9 @@ class Compared:
 
     @property
     def use(self) -> str:
-        """What the town is for, as `contract.towns` lists it."""
+        """What the town is for, as `contract.towns` lists it, or ``unlisted``."""
         uses = {"training": TRAINING, "validation": VALIDATION, "test": TEST}
-        return next((use for use, towns in uses.items() if self.town in towns.values()), "no listed")
+        return next((use for use, towns in uses.items() if self.town in towns.values()), "unlisted")
 
     @property
     def places(self) -> str:

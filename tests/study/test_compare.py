@@ -55,7 +55,7 @@ def test_detectors_stand_by_their_part_in_the_attack(drawn: Compared) -> None:
     assert (drawn.judges, drawn.relatives) == (["yolov8s"], ["yolov2-tiny"])  # this project's own one is neither
     assert drawn.white_box("ours") == drawn.white_box("theirs") == ["yolov3-tiny"]
     assert (drawn.use, drawn.places) == ("test", "8 locations")
-    assert replace(drawn, town=TEST["demo"] + 1_000_000).use == "no listed"
+    assert replace(drawn, town=TEST["demo"] + 1_000_000).use == "unlisted"
     table = drawn.entries[0].results.table
     of_seeds = [table[paint]["yolov8s"].ap for paint in drawn.rows["ours"]]
     assert len(set(of_seeds)) > 1
