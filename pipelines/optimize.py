@@ -115,7 +115,7 @@ def optimize(
     augmentation: Annotated[
         str | None,
         typer.Option(
-            help="its ranges: rauca (the paper's), published (the code's), active, zoomed (ours: mirrored, near and far)"
+            help="its ranges: rauca (the paper's), published (the code's), active, zoomed (ours, near and far)"
         ),
     ] = None,
     rest: Annotated[
