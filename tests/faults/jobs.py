@@ -132,7 +132,8 @@ MAKE = Job(
 )
 OPTIMIZE = Job(
     "optimize",
-    "--steps 24 --batch 1 --map-size 32 --samples 2 --threads 1",
+    # Long enough that the disk is full, or the process dead, before it is done on a busy machine.
+    "--steps 96 --batch 1 --map-size 32 --samples 2 --threads 1",
     _pictured,
     _optimized,
     detector="--detector",
