@@ -176,7 +176,7 @@ class Run:
 
     def _augment(self, images: Tensor, boxes: Tensor) -> tuple[Tensor, Tensor]:
         """What the detectors are shown of images (B, 3, H, W) and boxes (B, 4)."""
-        boxes, side = boxes.to(images), images.shape[-1]
+        moved, side = boxes.to(images), images.shape[-1]
         shown = self.settings.detector_size or side
         if self.settings.roa:
             ranges = RANGES[self.settings.augmentation]
@@ -184,14 +184,14 @@ class Run:
             drawn = drawn.part(self.processes.rank, self.processes.size)
             if ranges.zoom:
                 drawn = drawn.zoomed(boxes, side, shown, ranges)
-            images, boxes = drawn(images, boxes)
+            images, moved = drawn(images, moved)
         # Moved first: what is drawn nearer shows the detail that the frame has.
         if shown != side:
-            boxes = boxes * (shown / side)
+            moved = moved * (shown / side)
             images = functional.interpolate(
                 images, size=(shown, shown), mode="bilinear", antialias=True, align_corners=False
             )
-        return images, boxes
+        return images, moved
 
     def _attack(self, seen: Tensor, boxes: Tensor, batch: list[ReadyFrame]) -> Attacked:
         """The detectors' losses and gradient; what is not finite is told by its frame."""

@@ -72,9 +72,8 @@ def test_zoomed_pictures_show_the_vehicle_as_near_as_the_frame_is_sharp() -> Non
     boxes = torch.cat([low, low + size], 1)
     roa = Augmentation.draw(named_rng("zoom"), batch, ranges).zoomed(boxes, side, shown, ranges)
     scale = torch.linalg.det(roa.matrix[:, :, :2]).abs().sqrt()
-    highest = (FILL * side / size.amax(1)).clamp(
-        max=2.4
-    )  # of small vehicles 2.4, of the largest 1.2 sides of a picture
+    # Of small vehicles 2.4, of the largest 1.2 sides of a picture.
+    highest = (FILL * side / size.amax(1)).clamp(max=2.4)
     share = (scale / 0.6).log() / (highest / 0.6).log()
     assert -1e-5 <= share.min() < 0.01 < 0.99 < share.max() <= 1 + 1e-5
     assert 0.48 < share.mean() < 0.52
