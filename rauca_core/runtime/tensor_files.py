@@ -54,7 +54,7 @@ def started(out: Path) -> bool:
 def require_state(out: Path, what: str, found: bool, resume: bool) -> None:
     """Refuse to start where a run is (``found``), and to resume where none is; ``what`` is it called."""
     if found != resume:
-        hint = "resume it or choose another folder" if found else "start it without resuming"
+        hint = "go on with --resume, or choose another folder" if found else "start without --resume"
         raise RaucaError(f"{out}: holds {'a' if found else 'no'} {what}; {hint}")
 
 

@@ -222,7 +222,7 @@ def test_wrong_conditions_are_refused(run: Any, small_detector: Any, tmp_path: P
     with pytest.raises(RaucaError, match="no run"):
         run(resume=True)
     run(steps=1)
-    with pytest.raises(RaucaError, match="resume it or choose another folder"):
+    with pytest.raises(RaucaError, match="go on with --resume, or choose another folder"):
         run()
     for other, named in (({"lr": 0.5, "seed": 9}, "lr, seed"), ({"natural": Naturalness(feature_cm=50)}, "natural")):
         with pytest.raises(RaucaError, match=f"another {named};"):

@@ -144,7 +144,7 @@ def test_a_killed_hardening_ends_in_the_same_bits(data: Dataset, noise: Path, tm
     assert digest(resumed) == digest(whole)
     assert digest(whole) != digest(plain)  # an attack inside every step
     _the_result(resumed, noise)
-    with pytest.raises(RaucaError, match=r"parts: holds a hardening; resume it or choose another folder"):
+    with pytest.raises(RaucaError, match=r"parts: holds a hardening; go on with --resume, or choose another folder"):
         harden(parts)
     with pytest.raises(RaucaError, match=r"holds a hardening with another steps;"):
         harden(hardening(data, tmp_path / "parts", [noise], steps=3), resume=True)
@@ -235,7 +235,7 @@ def test_mistakes_are_told_before_anything_is_done(data: Dataset, noise: Path, t
             harden(replace(good, **changed))
         assert not out.exists() or not any(out.rglob("*.safetensors"))
         assert not (out / "hardening.json").exists()
-    with pytest.raises(RaucaError, match="holds no hardening; start it without resuming"):
+    with pytest.raises(RaucaError, match="holds no hardening; start without --resume"):
         harden(good, resume=True)
     write_json(out / "hardening.json", {"format": "rauca-hardening", "version": 1, "identity": None})
     with pytest.raises(RaucaError, match="holds a hardening with another identity;"):
