@@ -12,7 +12,18 @@ import rauca_core as rauca
 from rauca_core.contract import RaucaError
 from rauca_core.contract.clips import clips_asked
 
-from .clip_options import ClipFrames, ClipNames, FrameRate, Readout, Shutter, Speed, Tracker, show_drives, write_drives
+from .clip_options import (
+    ClipFrames,
+    ClipNames,
+    FrameRate,
+    Readout,
+    Shutter,
+    Speed,
+    Tracker,
+    clip_option,
+    show_drives,
+    write_drives,
+)
 from .console import command_line, console, output
 from .detector_commands import Classes, ClassNames, open_detector, show_preflight
 from .evaluate import split_defences
@@ -52,7 +63,7 @@ def assess(
     ] = None,
     clips: ClipNames = None,
     clip_frames: ClipFrames = 30,
-    clip_weathers: Annotated[list[str] | None, typer.Option(help="of clips, as --weathers of `rauca evaluate`")] = None,
+    clip_weathers: Annotated[list[str] | None, clip_option(help="of clips, as --weathers of `rauca evaluate`")] = None,
     speed: Speed = 10.0,
     frame_rate: FrameRate = 15.0,
     shutter: Shutter = 0.0,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -17,15 +18,16 @@ if TYPE_CHECKING:
     from rauca_core.study.driven import Drives
     from rauca_core.study.study import Study
 
-ClipNames = Annotated[str | None, typer.Option("--clips", help=f"drive: all, or of {', '.join(MANOEUVRES)}")]
-ClipFrames = Annotated[int, typer.Option(min=1, help="frames of each clip")]
-Speed = Annotated[float, typer.Option(help="of the camera in clips, m/s")]
-FrameRate = Annotated[float, typer.Option(help="of clips, frames a second")]
-Shutter = Annotated[float, typer.Option(help="seconds that it is open in clips: motion blur; 0: none")]
+clip_option = partial(typer.Option, rich_help_panel="Clips")
+ClipNames = Annotated[str | None, clip_option("--clips", help=f"drive: all, or of {', '.join(MANOEUVRES)}")]
+ClipFrames = Annotated[int, clip_option(min=1, help="frames of each clip")]
+Speed = Annotated[float, clip_option(help="of the camera in clips, m/s")]
+FrameRate = Annotated[float, clip_option(help="of clips, frames a second")]
+Shutter = Annotated[float, clip_option(help="seconds that it is open in clips: motion blur; 0: none")]
 Readout = Annotated[
-    float, typer.Option(help="seconds from the first row's exposure to the last's in clips: rolling shutter; 0: none")
+    float, clip_option(help="seconds from the first row's exposure to the last's in clips: rolling shutter; 0: none")
 ]
-Tracker = Annotated[Literal["bytetrack", "sort"], typer.Option(help="that joins detections of clips")]
+Tracker = Annotated[Literal["bytetrack", "sort"], clip_option(help="that joins detections of clips")]
 
 
 def write_drives(study: Study, out: Path, tracker: str) -> Drives:

@@ -13,7 +13,7 @@ from rauca_core.contract import Progress, RaucaError, format_duration
 from rauca_core.contract.files import write_json
 
 from .console import command_line, console, output, progress_bar
-from .options import Device
+from .options import Device, Seed, Threads, machine_option
 
 if TYPE_CHECKING:
     import rich.console
@@ -136,7 +136,7 @@ def detectors_train(
     datasets: Annotated[list[Path], typer.Argument(help="data sets with light maps, of one image size")],
     out: Annotated[Path, typer.Option(help="folder for the weights, their card and checkpoints")],
     test: Annotated[list[Path] | None, typer.Option("--test", help="data set to test on; repeat for more")] = None,
-    steps: int = 600,
+    steps: Annotated[int, typer.Option(help="of the training")] = 600,
     batch: Annotated[int, typer.Option(help="images per step")] = 8,
     lr: Annotated[float | None, typer.Option(help="AdamW's learning rate; the detector's own by default")] = None,
     size: Annotated[int, typer.Option(help="side of the network's input, pixels")] = 320,
@@ -145,10 +145,10 @@ def detectors_train(
     ] = "",
     start: Annotated[Path | None, typer.Option(help="weights of an earlier training to begin with")] = None,
     every: Annotated[int, typer.Option(help="steps between tests and checkpoints")] = 100,
-    precision: Annotated[str, typer.Option(help="float32 or bfloat16")] = "float32",
-    seed: int = 0,
-    threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
-    device: Annotated[str, typer.Option(help="that learns and tests: cpu, cuda, cuda:1 ...")] = "cpu",
+    precision: Annotated[str, machine_option(help="float32 or bfloat16")] = "float32",
+    seed: Seed = 0,
+    threads: Threads = None,
+    device: Annotated[str, machine_option(help="that learns and tests: cpu, cuda, cuda:1 ...")] = "cpu",
     remarks: Annotated[str, typer.Option(help="for the card")] = "",
     resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
 ) -> None:
@@ -227,7 +227,7 @@ def weights_fetch(names: Names = None, everything: Every = False, folder: From =
 @weights_app.command("nutnet")
 def weights_nutnet(
     data: Annotated[list[Path], typer.Argument(help="data sets, or folders of PNG pictures, of plain vehicles")],
-    seed: int = 0,
+    seed: Seed = 0,
 ) -> None:
     """Teach the defence nutnet what plain frames look like; half a minute."""
     import torch

@@ -14,13 +14,14 @@ from rauca_core.contract.color import TEST, find_colors
 from rauca_core.contract.files import png_bytes, write_bytes, write_json
 
 from .console import command_line, console, output, progress_bar
+from .options import Seed, Threads, machine_option
 
 if TYPE_CHECKING:
     from rauca_core.training.extractor import EpochReport
 
 efe_app = typer.Typer(help="Light vehicles from one image: the environment feature extractor.", no_args_is_help=True)
 
-Device = Annotated[str | None, typer.Option(help="to work on, such as cuda:1; a GPU if there is one")]
+Device = Annotated[str | None, machine_option(help="to work on, such as cuda:1; a GPU if there is one")]
 Weights = Annotated[Path | None, typer.Option(help="a .safetensors with its card; the shipped ones by default")]
 
 
@@ -49,9 +50,9 @@ def efe_train(
         bool, typer.Option("--early-stop/--no-early-stop", help="stop by the paper's criterion of convergence")
     ] = False,
     eta: Annotated[float, typer.Option(help="of that criterion, mean absolute error in sRGB values")] = 0.003,
-    seed: int = 0,
+    seed: Seed = 0,
     device: Device = None,
-    threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
+    threads: Threads = None,
     start: Annotated[
         Path | None,
         typer.Option("--start", "--weights", help="to begin with; drawn by the seed, to fine-tune the shipped ones"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -21,6 +22,7 @@ from .tables import print_table
 if TYPE_CHECKING:
     from rauca_core.study.study import Study
 
+view_option = partial(typer.Option, rich_help_panel="The held-out views")
 Given = Annotated[
     list[Path] | None,
     typer.Argument(
@@ -53,24 +55,24 @@ def evaluate(
     defences: Defences = None,
     vehicle: Vehicles = None,
     scale: Annotated[
-        Literal["quick", "standard", "full"], typer.Option(help="32, 128 or 1024 frames per weather set")
+        Literal["quick", "standard", "full"], view_option(help="32, 128 or 1024 frames per weather set")
     ] = "standard",
-    frames: Annotated[int | None, typer.Option(min=1, help="frames per weather set, instead of a scale")] = None,
+    frames: Annotated[int | None, view_option(min=1, help="frames per weather set, instead of a scale")] = None,
     ring: Annotated[
-        Literal["street", "paper"], typer.Option(help="0 to 24 degrees up, 5 to 16 m away; or 0 to 67.5, 5 to 20 m")
+        Literal["street", "paper"], view_option(help="0 to 24 degrees up, 5 to 16 m away; or 0 to 67.5, 5 to 20 m")
     ] = "street",
-    elevations: Annotated[str | None, typer.Option(help="of the cameras, degrees; the ring's by default")] = None,
+    elevations: Annotated[str | None, view_option(help="of the cameras, degrees; the ring's by default")] = None,
     distances: Annotated[
         str | None,
-        typer.Option(help="of the cameras, metres; the ring's by default, farther for large vehicles"),
+        view_option(help="of the cameras, metres; the ring's by default, farther for large vehicles"),
     ] = None,
     fov: Annotated[
-        float, typer.Option(min=1, max=170, help="horizontal field of view, degrees; the paper's is 90")
+        float, view_option(min=1, max=170, help="horizontal field of view, degrees; the paper's is 90")
     ] = 60.0,
-    locations: Annotated[int, typer.Option(min=1, help="places in the held-out town")] = 8,
-    size: Annotated[int, typer.Option(min=16, help="frames are square, pixels")] = 320,
-    samples: Annotated[int, typer.Option(min=1, help="Cycles samples per pixel before denoising")] = 8,
-    views_seed: Annotated[int | None, typer.Option(min=0, help="of the held-out town and its cameras")] = None,
+    locations: Annotated[int, view_option(min=1, help="places in the held-out town")] = 8,
+    size: Annotated[int, view_option(min=16, help="frames are square, pixels")] = 320,
+    samples: Annotated[int, view_option(min=1, help="Cycles samples per pixel before denoising")] = 8,
+    views_seed: Annotated[int | None, view_option(min=0, help="of the held-out town and its cameras")] = None,
     clips: ClipNames = None,
     clip_frames: ClipFrames = 30,
     speed: Speed = 10.0,
@@ -79,10 +81,10 @@ def evaluate(
     readout: Readout = 0.0,
     tracker: Tracker = "bytetrack",
     random: Annotated[bool, typer.Option("--random", help="evaluate in random paint too")] = False,
-    random_seed: Annotated[int, typer.Option(min=0)] = 1,
+    random_seed: Annotated[int, typer.Option(min=0, help="of the random paint")] = 1,
     random_cell: Annotated[int, typer.Option(min=1, help="side of a cell of random paint, texels of 1024")] = 8,
     device: Device = "cpu",
-    scene: Annotated[Path | None, typer.Option(help="the .blend that DATASET was made in, if it was")] = None,
+    scene: Annotated[Path | None, view_option(help="the .blend that DATASET was made in, if it was")] = None,
     store: Annotated[
         Path | None,
         typer.Option(help="keep views, renders and detections here, for other studies; OUT/store if left out"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -10,9 +11,12 @@ import typer
 import rauca_core as rauca
 
 from .console import command_line, console
-from .options import Blender, Device, RenderDevice, Slurm, Threads, means_of
+from .options import Blender, Device, RenderDevice, Seed, Slurm, Threads, means_of
 from .tables import print_table
 
+training_option = partial(typer.Option, rich_help_panel="The training")
+attack_option = partial(typer.Option, rich_help_panel="The attacks that it is trained on")
+judging_option = partial(typer.Option, rich_help_panel="What it is judged by")
 Held = Annotated[
     list[str],
     typer.Option("--held-out", help="camouflage .json, or LABEL=FILE, to judge by; never trained on; repeat for more"),
@@ -21,7 +25,7 @@ Data = Annotated[
     list[Path], typer.Option("--data", help="data set with light maps to train on, all of one size; repeat for more")
 ]
 Views = Annotated[
-    list[Path] | None, typer.Option("--views", help="rendered views to judge on; new ones are rendered without")
+    list[Path] | None, judging_option("--views", help="rendered views to judge on; new ones are rendered without")
 ]
 
 
@@ -36,45 +40,49 @@ def harden(
     data: Data,
     out: Annotated[Path, typer.Option(help="folder for the weights, report and all on the way; run again to resume")],
     camouflage: Annotated[list[Path] | None, typer.Option(help="camouflage .json to train on; repeat for more")] = None,
-    rounds: Annotated[int, typer.Option(help="of attack and fine-tuning")] = 1,
-    steps: Annotated[int, typer.Option(help="of fine-tuning in each round")] = 320,
-    attack_steps: Annotated[int, typer.Option(help="of the attacks that open the first round; 0 for none")] = 100,
-    attack_growth: Annotated[float, typer.Option(help="share of these by which each further round's are longer")] = 0.0,
-    attack_restarts: Annotated[int, typer.Option(help="attacks in each round; all of them are trained on")] = 1,
+    rounds: Annotated[int, training_option(help="of attack and fine-tuning")] = 1,
+    steps: Annotated[int, training_option(help="of fine-tuning in each round")] = 320,
+    attack_steps: Annotated[int, attack_option(help="of the attacks that open the first round; 0 for none")] = 100,
+    attack_growth: Annotated[
+        float, attack_option(help="share of these by which each further round's are longer")
+    ] = 0.0,
+    attack_restarts: Annotated[int, attack_option(help="attacks in each round; all of them are trained on")] = 1,
     attack_method: Annotated[
-        list[str] | None, typer.Option(help="of these attacks, ours without; several take turns")
+        list[str] | None, attack_option(help="of these attacks, ours without; several take turns")
     ] = None,
     attack_patch_cm: Annotated[
-        list[float] | None, typer.Option(help="smallest patch of those by ours, 5 without; several take turns")
+        list[float] | None, attack_option(help="smallest patch of those by ours, 5 without; several take turns")
     ] = None,
-    attack_lr: Annotated[float, typer.Option(help="of these attacks, on sRGB values")] = 0.03,
+    attack_lr: Annotated[float, attack_option(help="of these attacks, on sRGB values")] = 0.03,
     budgets: Annotated[
-        str, typer.Option(help="of the attacks on the result, in multiples of all attacks of the rounds; or none")
+        str, judging_option(help="of the attacks on the result, in multiples of all attacks of the rounds; or none")
     ] = "1,3,10",
-    restarts: Annotated[int, typer.Option(min=1, help="of each attack on the result")] = 2,
+    restarts: Annotated[int, judging_option(min=1, help="of each attack on the result")] = 2,
     held_out_method: Annotated[
-        list[str] | None, typer.Option(help="judge by a camouflage of this method, too; never trained on")
+        list[str] | None, judging_option(help="judge by a camouflage of this method, too; never trained on")
     ] = None,
     held_out_vehicle: Annotated[
-        list[Path] | None, typer.Option(help="data set of a vehicle to judge on, too; never trained on")
+        list[Path] | None, judging_option(help="data set of a vehicle to judge on, too; never trained on")
     ] = None,
     inner_step: Annotated[
-        float, typer.Option(help="how far an attack inside every training step moves the paint; 0 for none")
+        float, training_option(help="how far an attack inside every training step moves the paint; 0 for none")
     ] = 0.5,
     agreement: Annotated[
-        float, typer.Option(help="with the detector as it was, on other objects; 0 keeps the weights as they learnt")
+        float, training_option(help="with the detector as it was, on other objects; 0 keeps the weights as they learnt")
     ] = 0.97,
-    share: Annotated[float, typer.Option(help="of training frames that wear a camouflage")] = 0.5,
-    batch: Annotated[int, typer.Option(help="images per step of fine-tuning")] = 8,
-    lr: Annotated[float | None, typer.Option(help="AdamW's learning rate; from the detector's own by default")] = None,
-    map_size: Annotated[int, typer.Option(help="side of the UV maps that frames are composed with, texels")] = 1024,
-    samples: Annotated[int, typer.Option(help="subsamples per pixel and axis of the neural renderer")] = 12,
-    precision: Annotated[str, typer.Option(help="of training and attacks: float32 or bfloat16")] = "float32",
-    every: Annotated[int, typer.Option(help="steps between tests and checkpoints")] = 60,
+    share: Annotated[float, training_option(help="of training frames that wear a camouflage")] = 0.5,
+    batch: Annotated[int, training_option(help="images per step of fine-tuning")] = 8,
+    lr: Annotated[
+        float | None, training_option(help="AdamW's learning rate; from the detector's own by default")
+    ] = None,
+    map_size: Annotated[int, training_option(help="side of the UV maps that frames are composed with, texels")] = 1024,
+    samples: Annotated[int, training_option(help="subsamples per pixel and axis of the neural renderer")] = 12,
+    precision: Annotated[str, training_option(help="of training and attacks: float32 or bfloat16")] = "float32",
+    every: Annotated[int, training_option(help="steps between tests and checkpoints")] = 60,
     views: Views = None,
-    weathers: Annotated[str, typer.Option(help="of new views: seen, unseen, both, or a preset")] = "seen",
-    frames: Annotated[int, typer.Option(min=1, help="new views per weather set")] = 48,
-    seed: int = 0,
+    weathers: Annotated[str, judging_option(help="of new views: seen, unseen, both, or a preset")] = "seen",
+    frames: Annotated[int, judging_option(min=1, help="new views per weather set")] = 48,
+    seed: Seed = 0,
     threads: Threads = None,
     device: Device = "cpu",
     slurm: Slurm = None,

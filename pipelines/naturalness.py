@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -12,30 +13,31 @@ from rauca_core.contract import RaucaError
 if TYPE_CHECKING:
     from rauca_core.attack.naturalness import Naturalness
 
+look_option = partial(typer.Option, rich_help_panel="What the paint looks like")
 PaletteOption = Annotated[
     str | None,
-    typer.Option("--palette", help="only these colors: #rrggbb,#rrggbb,..., a text file of them, or a photograph"),
+    look_option("--palette", help="only these colors: #rrggbb,#rrggbb,..., a text file of them, or a photograph"),
 ]
-PaletteColors = Annotated[int, typer.Option("--palette-colors", help="to take from a photograph given as palette")]
+PaletteColors = Annotated[int, look_option("--palette-colors", help="to take from a photograph given as palette")]
 FeatureSize = Annotated[
-    float | None, typer.Option("--feature-size", help="smallest patch of one color on the vehicle, centimetres")
+    float | None, look_option("--feature-size", help="smallest patch of one color on the vehicle, centimetres")
 ]
 Symmetric = Annotated[
     bool | None,
-    typer.Option("--symmetric/--asymmetric", help="left and right alike: a view of one side teaches both"),
+    look_option("--symmetric/--asymmetric", help="left and right alike: a view of one side teaches both"),
 ]
 Reference = Annotated[
     str | None,
-    typer.Option("--reference", help="what to look like: a photograph, a camouflage's .json, or a color #rrggbb"),
+    look_option("--reference", help="what to look like: a photograph, a camouflage's .json, or a color #rrggbb"),
 ]
 ReferenceWidth = Annotated[
-    float, typer.Option("--reference-width", help="of a photograph on the vehicle, metres; 0: the image is a UV map")
+    float, look_option("--reference-width", help="of a photograph on the vehicle, metres; 0: the image is a UV map")
 ]
 ReferenceWeight = Annotated[
-    float, typer.Option("--reference-weight", help="of the mean CIELAB distance from the reference in the loss")
+    float, look_option("--reference-weight", help="of the mean CIELAB distance from the reference in the loss")
 ]
 MaxDeltaE = Annotated[
-    float | None, typer.Option("--max-delta-e", help="nowhere farther from the reference than this, in CIELAB")
+    float | None, look_option("--max-delta-e", help="nowhere farther from the reference than this, in CIELAB")
 ]
 OPTIONS = {"feature_cm": "--feature-size", "max_delta_e": "--max-delta-e", "reference_width_m": "--reference-width"}
 

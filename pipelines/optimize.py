@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any
@@ -29,11 +30,14 @@ from .naturalness import (
     Symmetric,
     natural_settings,
 )
+from .options import Seed, Threads, machine_option
 
 if TYPE_CHECKING:
     from rauca_core.attack import StepReport
     from rauca_core.study.defences.informed import DefendedDetector
 
+attack_option = partial(typer.Option, rich_help_panel="The attack in detail")
+renderer_option = partial(typer.Option, rich_help_panel="Renderer, light and map")
 RECENT_STEPS = 50  # that the time left is judged by
 
 
@@ -51,7 +55,7 @@ def optimize(
         str | None, typer.Option(help="attack them behind this defence, such as jpeg or lgs:block=9, and knowing of it")
     ] = None,
     weight: Annotated[
-        list[float] | None, typer.Option(help="of each detector, in the same order; equal if left out")
+        list[float] | None, attack_option(help="of each detector, in the same order; equal if left out")
     ] = None,
     target: Annotated[
         str | None, typer.Option(help="the class to hide, as detectors call it; the vehicle's own if left out")
@@ -69,73 +73,76 @@ def optimize(
             "--as", help="the method as published, or adapted (our renderer, exact light): see `rauca methods`"
         ),
     ] = None,
-    steps: int = 3000,
-    batch: Annotated[int | None, typer.Option(help="frames per step")] = None,
-    lr: Annotated[float | None, typer.Option(help="Adam's learning rate, on sRGB values")] = None,
+    steps: Annotated[int, typer.Option(help="of the optimization")] = 3000,
+    batch: Annotated[int | None, attack_option(help="frames per step")] = None,
+    lr: Annotated[float | None, attack_option(help="Adam's learning rate, on sRGB values")] = None,
     decay: Annotated[
-        float | None, typer.Option(help="last learning rate as a share of the first; 1 as published")
+        float | None, attack_option(help="last learning rate as a share of the first; 1 as published")
     ] = None,
     objective: Annotated[
-        str | None, typer.Option(help="eq6 (the paper's), log-score (pushes small scores as hard), or a rival's")
+        str | None, attack_option(help="eq6 (the paper's), log-score (pushes small scores as hard), or a rival's")
     ] = None,
-    beta: Annotated[float | None, typer.Option(help="weight of the smoothness loss, Eq. 8")] = None,
+    beta: Annotated[float | None, attack_option(help="weight of the smoothness loss, Eq. 8")] = None,
     smooth: Annotated[
         str | None,
-        typer.Option(help="where paint is smooth: map, unclamped, picture or pattern"),
+        attack_option(help="where paint is smooth: map, unclamped, picture or pattern"),
     ] = None,
-    map_size: Annotated[int | None, typer.Option(help="side of the UV map, texels")] = None,
-    samples: Annotated[int | None, typer.Option(help="subsamples per pixel and axis of the neural renderer")] = None,
+    map_size: Annotated[int | None, renderer_option(help="side of the UV map, texels")] = None,
+    samples: Annotated[int | None, renderer_option(help="subsamples per pixel and axis of the neural renderer")] = None,
     sampler: Annotated[
         str | None,
-        typer.Option(help="area (ours), bilinear, trilinear, tensor-traversal (Algorithm 1) or uv-traversal (2)"),
+        renderer_option(help="area (ours), bilinear, trilinear, tensor-traversal (Algorithm 1) or uv-traversal (2)"),
     ] = None,
     views: Annotated[
-        str | None, typer.Option(help="rendered frames, or dense: new cameras in their places at every step")
+        str | None, renderer_option(help="rendered frames, or dense: new cameras in their places at every step")
     ] = None,
     light: Annotated[
         str | None,
-        typer.Option(help="exact, irradiance (see `dataset light`), ours (the extractor's), published, transfer, none"),
+        renderer_option(
+            help="exact, irradiance (see `dataset light`), ours (the extractor's), published, transfer, none"
+        ),
     ] = None,
     extractor: Annotated[
-        Path | None, typer.Option(help="weights of --light published, or of ours in place of the shipped ones")
+        Path | None, renderer_option(help="weights of --light published, or of ours in place of the shipped ones")
     ] = None,
     paint: Annotated[
-        str | None, typer.Option(help="what is free: texels of the UV map, facets, or a pattern repeated all over")
+        str | None, renderer_option(help="what is free: texels of the UV map, facets, or a pattern repeated all over")
     ] = None,
     start: Annotated[
-        str | None, typer.Option(help="random or plain; of tanh: tanh-unit (FCA's) or tanh-wide (RAUCA-base's)")
+        str | None, attack_option(help="random or plain; of tanh: tanh-unit (FCA's) or tanh-wide (RAUCA-base's)")
     ] = None,
     begin_with: Annotated[
         Path | None, typer.Option(help="camouflage .json to begin with, of this vehicle and map size")
     ] = None,
     limit: Annotated[
-        str | None, typer.Option(help="keep texels in range by project (ours), clamp (as published) or tanh")
+        str | None, attack_option(help="keep texels in range by project (ours), clamp (as published) or tanh")
     ] = None,
-    roa: Annotated[bool | None, typer.Option("--roa/--no-roa", help="random output augmentation")] = None,
+    roa: Annotated[bool | None, attack_option("--roa/--no-roa", help="random output augmentation")] = None,
     augmentation: Annotated[
         str | None,
-        typer.Option(
+        attack_option(
             help="its ranges: rauca (the paper's), published (the code's), active, zoomed (ours, near and far)"
         ),
     ] = None,
     rest: Annotated[
-        int | None, typer.Option(help="epochs to leave out frames in which the vehicle is no longer seen")
+        int | None, attack_option(help="epochs to leave out frames in which the vehicle is no longer seen")
     ] = None,
     window: Annotated[
-        int | None, typer.Option(help="frames of a clip that follow each other in a step; the most visible counts most")
+        int | None,
+        attack_option(help="frames of a clip that follow each other in a step; the most visible counts most"),
     ] = None,
     window_temperature: Annotated[
-        float | None, typer.Option(help="of a window's softmax, in units of the loss; the lower, the more it counts")
+        float | None, attack_option(help="of a window's softmax, in units of the loss; the lower, the more it counts")
     ] = None,
     turns: Annotated[
         bool | None,
-        typer.Option("--turns/--all-at-once", help="a step attacks one of the detectors, the next step the next"),
+        attack_option("--turns/--all-at-once", help="a step attacks one of the detectors, the next step the next"),
     ] = None,
     detector_size: Annotated[
         int | None,
-        typer.Option(help="side of the detectors' input, pixels, where it is free; theirs if left out"),
+        attack_option(help="side of the detectors' input, pixels, where it is free; theirs if left out"),
     ] = None,
-    precision: Annotated[str | None, typer.Option(help="of the detectors: float32 or bfloat16")] = None,
+    precision: Annotated[str | None, machine_option(help="of the detectors: float32 or bfloat16")] = None,
     palette_of: PaletteOption = None,
     palette_colors: PaletteColors = 4,
     feature_size: FeatureSize = None,
@@ -144,13 +151,13 @@ def optimize(
     reference_width: ReferenceWidth = 2.0,
     reference_weight: ReferenceWeight = 0.0,
     max_delta_e: MaxDeltaE = None,
-    seed: int = 0,
-    device: Annotated[str | None, typer.Option(help="to optimize on, such as cuda:1; a GPU if there is one")] = None,
-    threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
+    seed: Seed = 0,
+    device: Annotated[str | None, machine_option(help="to optimize on, such as cuda:1; a GPU if there is one")] = None,
+    threads: Threads = None,
     name: Annotated[str | None, typer.Option(help="of the camouflage, in tables; the method's if left out")] = None,
     resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
     json_progress: Annotated[
-        bool, typer.Option("--json-progress", help="each step as a line of JSON on standard output, for programs")
+        bool, machine_option("--json-progress", help="each step as a line of JSON on standard output, for programs")
     ] = False,
 ) -> None:
     """Optimize a camouflage UV map against one or several detectors."""

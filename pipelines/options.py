@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -20,19 +21,19 @@ if TYPE_CHECKING:
 
 Sizes = TypeVar("Sizes", bound=Any)
 
-Blender = Annotated[Path | None, typer.Option(help="Blender program; without it the bpy wheel is used")]
-Device = Annotated[str, typer.Option(help="of torch, for all that runs on it: cpu, cuda, cuda:1, mps ...")]
-RenderDevice = Annotated[str, typer.Option(help="of Cycles: cpu, gpu, or auto, which is a GPU where there is one")]
+machine_option = partial(typer.Option, rich_help_panel="Where it runs")
+Blender = Annotated[Path | None, machine_option(help="Blender program; without it the bpy wheel is used")]
+Device = Annotated[str, machine_option(help="of torch, for all that runs on it: cpu, cuda, cuda:1, mps ...")]
+RenderDevice = Annotated[str, machine_option(help="of Cycles: cpu, gpu, or auto, which is a GPU where there is one")]
 Slurm = Annotated[
     str | None,
-    typer.Option(
+    machine_option(
         help="do heavy work by tasks of a Slurm cluster: `default`, or partition=P,minutes=N,memory_gb=N,cpus=N"
     ),
 ]
-
-
-JsonProgress = Annotated[bool, typer.Option("--json-progress", help="progress as JSON lines, for programs")]
-Threads = Annotated[int | None, typer.Option(min=1, help="of torch; its own choice by default")]
+JsonProgress = Annotated[bool, machine_option("--json-progress", help="progress as JSON lines, for programs")]
+Threads = Annotated[int | None, machine_option(min=1, help="of torch; its own choice by default")]
+Seed = Annotated[int, typer.Option(help="of all that is drawn by chance")]
 PaintMask = Annotated[Path | None, typer.Option(help="grey PNG, white where the camouflage may go")]
 PaintMaterial = Annotated[str | None, typer.Option(help="name of the material to camouflage")]
 

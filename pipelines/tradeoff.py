@@ -11,7 +11,7 @@ from rauca_core.contract import Dataset, RaucaError
 
 from .console import command_line, console
 from .naturalness import PaletteColors, PaletteOption, Reference, ReferenceWidth, make_naturalness
-from .options import Blender, Device, RenderDevice, Slurm, Threads, means_of, numbers, resized, split_names
+from .options import Blender, Device, RenderDevice, Seed, Slurm, Threads, means_of, numbers, resized, split_names
 
 BOUNDS, FEATURES = "0,5,10,20,40", "10,20,40,80"
 MOST = {"--max-delta-e": 1000, "--feature-size": 100_000}  # as `Naturalness` takes them
@@ -42,7 +42,7 @@ def tradeoff(
     map_size: Annotated[int | None, typer.Option(help="side of the UV maps, texels; 512 by default")] = None,
     weathers: Annotated[str, typer.Option(help="of the held-out views: seen, unseen, both or a preset")] = "seen",
     frames: Annotated[int | None, typer.Option(min=1, help="held-out views per weather set; 64 by default")] = None,
-    seed: int = 0,
+    seed: Seed = 0,
     threads: Threads = None,
     quick: Annotated[bool, typer.Option("--quick", help="three points and few views: minutes, not an hour")] = False,
     device: Device = "cpu",

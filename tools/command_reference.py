@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,18 @@ def _cell(text: str) -> str:
 
 
 def _rows(command: Any) -> Iterator[tuple[str, str, str]]:
+    """Of its arguments and options, in the order and under the headings of its help."""
+    panels: dict[str, list[Any]] = {"": []}
     for one in command.params:
+        panels.setdefault(getattr(one, "rich_help_panel", None) or "", []).append(one)
+    for title, inside in panels.items():
+        if title:
+            yield f"*{title}*", "", ""
+        yield from _told(inside)
+
+
+def _told(params: Iterable[Any]) -> Iterator[tuple[str, str, str]]:
+    for one in params:
         if one.param_type_name == "argument":
             names = (one.metavar or one.name).upper()
         else:
