@@ -7,7 +7,9 @@ import os
 import shlex
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -21,6 +23,7 @@ from rauca_core.contract import Progress, RaucaError, StoppedError, format_durat
 # No markup: a path or a remedy may hold `[/b]` or `rauca[detectors]`, which rich would take for its own.
 _Plain = partial(Console, markup=False, emoji=False)
 console = _Plain(stderr=True)
+SILENT_S = 60.0  # that a log without a terminal stays without a line at most
 
 
 def output(width: int = 0) -> Console:
@@ -40,7 +43,8 @@ class TimeLeft(TimeRemainingColumn):
 def progress_bar(title: str, every_step: bool = False, resumes: bool = True) -> Iterator[Callable[[Progress], None]]:
     """A progress bar with an estimate of the time left; yields the function that moves it.
 
-    Without a terminal (logs, CI) a line is printed at the start and at the end, and with ``every_step`` at each step.
+    Without a terminal (logs, CI) a line is printed at the start, every minute and at the end, with ``every_step`` at
+    each step, too.
 
     Args:
         resumes: the work can go on where it was, with ``--resume`` or within :func:`goes_on_by_itself`.
@@ -61,11 +65,15 @@ def progress_bar(title: str, every_step: bool = False, resumes: bool = True) -> 
     with Bar(*columns, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task(title, total=None, last="")
         seen: list[Progress] = []
+        estimate, told_at = Estimate(), time.monotonic()
 
         def move(progress: Progress) -> None:
+            nonlocal told_at
             bar.update(task, completed=progress.done, total=progress.total, last=progress.last, left_s=progress.left_s)
-            if every_step and not console.is_terminal and progress not in seen:
-                console.print(step_line(progress), highlight=False, soft_wrap=True)
+            left_s, due = estimate.left_s(progress), every_step or time.monotonic() - told_at >= SILENT_S
+            if due and not console.is_terminal and progress not in seen:
+                console.print(step_line(replace(progress, left_s=left_s)), highlight=False, soft_wrap=True)
+                told_at = time.monotonic()
             seen[:] = [progress]
 
         if not console.is_terminal:
@@ -79,6 +87,21 @@ def progress_bar(title: str, every_step: bool = False, resumes: bool = True) -> 
             raise RaucaError("interrupted; nothing was kept") from None
         if not console.is_terminal and seen:
             console.print(f"{title}: {seen[0].done} of {seen[0].total}")
+
+
+class Estimate:
+    """The time left of a piece of work: its own estimate, or else judged by what was done since it was first told."""
+
+    def __init__(self) -> None:
+        self._began: tuple[float, int] | None = None
+
+    def left_s(self, progress: Progress) -> float | None:
+        """Seconds, None where nothing can be said yet."""
+        self._began = since, before = self._began or (time.monotonic(), progress.done)
+        done = progress.done - before
+        if progress.left_s is not None or done <= 0:
+            return progress.left_s
+        return (time.monotonic() - since) / done * (progress.total - progress.done)
 
 
 def step_line(progress: Progress) -> str:
@@ -139,15 +162,11 @@ def progress_lines() -> Callable[[str, Progress], None]:
 
     A line's ``last`` is what is being done, ``left_s`` the time left of that alone, judged by what was done of it here.
     """
-    began: dict[str, tuple[float, int]] = {}
+    estimates: defaultdict[str, Estimate] = defaultdict(Estimate)
     say = line_writer()
 
     def tell(title: str, progress: Progress) -> None:
-        since, before = began.setdefault(title, (time.monotonic(), progress.done))
-        done, left_s = progress.done - before, progress.left_s
-        if left_s is None and done > 0:
-            left_s = (time.monotonic() - since) / done * (progress.total - progress.done)
-        say(Progress(progress.done, progress.total, title, left_s).line())
+        say(Progress(progress.done, progress.total, title, estimates[title].left_s(progress)).line())
 
     return tell
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import threading
 from typing import Any, NoReturn
@@ -123,3 +124,15 @@ def test_a_log_gets_a_line_per_frame():
         "[2/2] L00-V001-day, about 0 s left",
         "rendering: 2 of 2",
     ]
+
+
+@pytest.mark.parametrize(("silent_s", "lines"), [(0.0, 2), (60.0, 0)])
+def test_a_log_of_long_work_is_not_left_without_a_line(monkeypatch, silent_s, lines):
+    monkeypatch.setattr("pipelines.console.SILENT_S", silent_s)
+    with console.capture() as captured, progress_bar("optimizing") as move:
+        move(Progress(1, 3, "loss 2.1"))
+        move(Progress(2, 3, "loss 1.9"))
+    first, *between, last = captured.get().splitlines()
+    assert (first, last) == ("optimizing ...", "optimizing: 2 of 3")
+    assert len(between) == lines
+    assert not between or re.fullmatch(r"\[2/3\] loss 1\.9, about .+ left", between[1])
