@@ -179,6 +179,8 @@ class Fields:
         Args:
             remedy: what helps where the file is older.
         """
+        if "format" not in self._data:
+            raise RaucaError(f"{self.where}: no {name} file, its field `format` is missing; give one that rauca wrote")
         found = self.text("format")
         if found != name:
             raise RaucaError(f"{self.where}: this is a {found} file, a {name} file was expected")

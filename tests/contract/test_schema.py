@@ -59,6 +59,9 @@ def test_newer_version_asks_for_an_update(tmp_path):
         read_json(path).format("rauca-dataset", 1)
     with pytest.raises(RaucaError, match="this is a rauca-dataset file, a rauca-frame file was expected"):
         read_json(path).format("rauca-frame", 1)
+    path.write_text("{}")
+    with pytest.raises(RaucaError, match=r"a\.json: no rauca-frame file, its field `format` is missing"):
+        read_json(path).format("rauca-frame", 1)
 
 
 DAMAGED = (
