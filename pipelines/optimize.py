@@ -189,7 +189,9 @@ def _behind(defence: str, detectors: list[str] | None, method: str, size: int | 
     from rauca_core.study.defences.informed import DefendedDetector
 
     made = make_defence(defence)
-    return [DefendedDetector(load_attacked(name, size), made) for name in detectors or method_named(method).panel]
+    own = method_named(method)
+    chosen, side = (detectors, size) if detectors else (own.panel, size or own.panel_size)
+    return [DefendedDetector(load_attacked(name, side), made) for name in chosen]
 
 
 def _lines(out: Path) -> Callable[[StepReport], None]:

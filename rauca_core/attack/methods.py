@@ -30,6 +30,7 @@ class Method:
         published, adapted: those of one form, over ``settings``.
         stand_ins: what of the published method this framework does otherwise in its published form, too.
         panel: detectors of the registry that it attacks where none is named.
+        panel_size: ``detector_size`` of that panel where none is given.
     """
 
     source: str
@@ -40,6 +41,7 @@ class Method:
     adapted: Mapping[str, Any] = field(default_factory=dict)
     stand_ins: str = ""
     panel: tuple[str, ...] = ("yolov3-tiny",)
+    panel_size: int | None = None
 
 
 _NEURAL_RENDERER = {"samples": 2, "pixel_filter": "box"}
@@ -162,6 +164,9 @@ METHODS: Mapping[str, Method] = {
             "augmentation": "zoomed",  # docs/results.md, "As near as frames are sharp"
             "rest": 3,  # lower than without, though by no more than chance (docs/ablations.md)
             "turns": True,
+            # What every figure of docs/results.md was made with.
+            "map_size": 512,
+            "samples": 4,
         },
         # By turns seven cost what one does: all of the registry that were trained on photographs, with weights that
         # anybody may use. Fewer leave more to detectors that took no part (docs/results.md, "Longer and broader").
@@ -174,6 +179,7 @@ METHODS: Mapping[str, Method] = {
             "ssd-mobilenet-v3",
             "mobilenet-ssd",
         ),
+        panel_size=320,
     ),
 }
 

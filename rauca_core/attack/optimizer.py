@@ -55,7 +55,7 @@ def optimize(
     Args:
         data: a data set with light maps, or its folder; frames that do not show the vehicle are skipped.
         detectors: loaded ones, or names and files as `load_detector` takes them; they are moved to ``device``. The
-            method's own panel if there are none.
+            method's own panel, at its size, if there are none.
         method: whose settings to begin with, a key of `methods.METHODS`; None for those of `OptimizerSettings`.
         steps: gradient steps in all.
         device: of the texture, the pictures and the detectors; a GPU if there is one, as the log says, when None. Run
@@ -74,15 +74,17 @@ def optimize(
     if method is None and settings.get("fidelity") is not None:
         raise RaucaError(f"--as {settings['fidelity']}: is a form of a method; name the method with --method")
     chosen = make_settings(**(given if method is None else settings_of(method, **given)))
-    dataset = data if isinstance(data, Dataset) else Dataset(Path(data))
+    dataset, own = data if isinstance(data, Dataset) else Dataset(Path(data)), method_named(method or "rauca-final")
     if settings.get("target") is None:
         hidden = target_class(load_vehicle(dataset.vehicle_folder, read_image).category)
         chosen = chosen.model_copy(update={"target": hidden})
+    if not detectors and chosen.detector_size is None:
+        chosen = chosen.model_copy(update={"detector_size": own.panel_size})
     place = contextlib.nullcontext(out) if out is not None else tempfile.TemporaryDirectory("rauca")
     with joined_processes(device) as processes, place as folder:
         loaded = [
             load_attacked(d, chosen.detector_size, processes.device) if isinstance(d, str) else d
-            for d in detectors or method_named(method or "rauca-final").panel
+            for d in detectors or own.panel
         ]
         path = run_optimization(dataset, loaded, chosen, Path(folder), on_step, resume, on_view, processes)
         processes.any(False)  # the first one writes what all read now

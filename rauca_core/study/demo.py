@@ -31,6 +31,7 @@ WHITE_BOX = "yolov3-tiny"
 BLACK_BOX = ("yolov4-tiny", "yolov2-tiny")
 SEED = 1  # of the optimization and of the random paint
 RANDOM_CELL = 8  # texels; finer noise averages to grey at these distances and would be a weaker rival
+MAP_SIZE, SUBSAMPLES = 1024, 12  # texels of a side; of the neural renderer, per pixel and axis
 OURS = "ours"  # what the optimized camouflage is called
 
 TRAIN = Ring((0.0, 90.0, 180.0, 270.0), (6.0, 20.0), (7.0,), 45.0, 6.0, 0.3, 0.3)
@@ -82,7 +83,10 @@ def demo(
         choice = read_vehicle_choice(body.place)
         choice = replace(choice, category=choice.target)
         detectors = detectors_for(names, [choice.category], engine.machine)
-        wanted = {**FEW_STEPS, "steps": size.steps, "batch": size.batch, "seed": SEED, "checkpoint_every": 50}
+        wanted = {
+            **FEW_STEPS, "map_size": MAP_SIZE, "samples": SUBSAMPLES, "steps": size.steps, "batch": size.batch,
+            "seed": SEED, "checkpoint_every": 50,
+        }  # fmt: skip
         settings = make_settings(**settings_of("ours", **wanted, target=choice.target))
         train = _views(body, size, "train")
         held_out = _views(body, size, "held-out")
@@ -90,7 +94,7 @@ def demo(
             {
                 "train": train,
                 "held-out": held_out,
-                RANDOM: recipes.random_paint(body, 1024, SEED, RANDOM_CELL),
+                RANDOM: recipes.random_paint(body, MAP_SIZE, SEED, RANDOM_CELL),
                 OURS: recipes.paint(train, settings, detectors[choice.category][:1]),
             }
         )

@@ -41,13 +41,13 @@ def attack_settings(
 
     Args:
         what: names its random streams.
-        method: whose settings it takes. The hardening's learning rate is for free texels, its subsamples for methods
-            that bring none of their own.
+        method: whose settings it takes. The hardening's learning rate is for free texels, its subsamples for all but
+            facets, which are read as Neural Renderer does.
         begin_with: a camouflage to go on from.
         turn: of how many attacks it is, counted from 0: whose patch size it takes.
     """
     own = method_named(method).settings
-    chosen: dict[str, Any] = {} if "samples" in own else {"samples": settings.samples}
+    chosen: dict[str, Any] = {} if own.get("paint") == "facets" else {"samples": settings.samples}
     if paints_texels(method):
         chosen["lr"] = settings.attack_lr
     if "natural" in own:

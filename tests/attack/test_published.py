@@ -255,6 +255,7 @@ def test_ours_is_the_headlines_with_both_sides_alike_and_detectors_by_turns() ->
     assert ours.turns
     assert (ours.augmentation, ours.rest, ours.objective) == ("zoomed", 3, "log-score")
     assert (ours.lr, ours.decay) == (0.03, 0.03)
+    assert (ours.map_size, ours.samples, METHODS["ours"].panel_size) == (512, 4, 320)
 
 
 def test_runs_begun_before_there_were_two_forms_go_on() -> None:

@@ -41,12 +41,19 @@ def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, box_vehicle: Vehicle
 
 
 def test_without_a_method_it_is_ours(chosen: Any) -> None:
-    assert chosen("--weight", "2", "--no-roa") == make_settings(**settings_of("ours", weights=(2.0,), roa=False))
+    ours = make_settings(**settings_of("ours", weights=(2.0,), roa=False, detector_size=320))
+    assert chosen("--weight", "2", "--no-roa") == ours
+
+
+def test_only_the_panel_of_ours_is_shown_pictures_of_a_size_of_its_own(chosen: Any) -> None:
+    assert chosen("--detector", "yolov3-tiny").detector_size is None
+    assert chosen("--detector-size", "416").detector_size == 416
+    assert chosen().detector_size == METHODS["ours"].panel_size
 
 
 @pytest.mark.parametrize("name", METHODS)
 def test_a_method_replaces_defaults(chosen: Any, name: str) -> None:
-    assert chosen("--method", name) == make_settings(**settings_of(name))
+    assert chosen("--method", name) == make_settings(**settings_of(name, detector_size=METHODS[name].panel_size))
 
 
 def test_detectors_behind_a_defence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, box_vehicle: Vehicle) -> None:
