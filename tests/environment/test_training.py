@@ -196,7 +196,7 @@ def test_mistakes_are_named(dataset, tmp_path):
     with pytest.raises(RaucaError, match="holds no training; start"):
         run(work, resume=True)
     run(work)
-    with pytest.raises(RaucaError, match="resume it"):
+    with pytest.raises(RaucaError, match="go on with --resume"):
         run(work)
     with pytest.raises(RaucaError, match="another seed"):
         run(job(dataset.folder, tmp_path / "run", epochs=1, seed=5), resume=True)
