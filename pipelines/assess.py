@@ -49,7 +49,7 @@ def assess(
     budget: Annotated[
         Literal["quick", "standard", "overnight"], typer.Option(help="how much of the battery, and of an attack")
     ] = "quick",
-    battery: Annotated[str, typer.Option(help="frozen set of views and camouflages")] = "assess-3",
+    battery: Annotated[str, typer.Option(help="frozen set of views and camouflages")] = "assess-4",
     vehicle: Annotated[list[str] | None, typer.Option(help="only these of the battery, comma separated")] = None,
     white_box: Annotated[
         bool, typer.Option("--white-box/--no-white-box", help="make a camouflage against the detector itself, too")

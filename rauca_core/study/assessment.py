@@ -78,7 +78,7 @@ class Assessment(Record):
     """What one battery says of one detector.
 
     Attributes:
-        battery: name of the frozen battery, such as ``assess-3``; ``budget`` is how much of it was used, and
+        battery: name of the frozen battery, such as ``assess-4``; ``budget`` is how much of it was used, and
             ``vehicles`` which of its vehicles.
         threshold: the deployed score.
         clean: in the vehicles' own paint.

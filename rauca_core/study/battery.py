@@ -3,9 +3,9 @@
 A battery is a file, ``assets/batteries/<name>.json``, and never changes once it is released; a better one gets the next
 number. Its places were never chosen, trained or optimized on, and its camouflages were made in another town::
 
-    {"format": "rauca-battery", "version": 1, "name": "assess-3", "category": "car",
-     "vehicles": [{"name": "sedan", "content": "<digest>", "camouflages": {"texels-four": "<sha256 of its map>"}}, ...],
-     "made_against": {"texels-four": ["<fingerprint of a detector>", ...], ...},
+    {"format": "rauca-battery", "version": 1, "name": "assess-4", "category": "car",
+     "vehicles": [{"name": "sedan", "content": "<digest>", "camouflages": {"zoomed-four": "<sha256 of its map>"}}, ...],
+     "made_against": {"zoomed-four": ["<fingerprint of a detector>", ...], ...},
      "random": {"seed": 1, "cell": 8, "size": 1024},
      "attack": {...},
      "views": [{"name": "street-seen", "plan": {...}, "frames": {"quick": 8, "standard": 32, "overnight": 128}}, ...]}
@@ -27,7 +27,7 @@ from .artifact import Artifact
 from .candidates import VehicleChoice, find_vehicles
 from .evaluate import RandomPaint
 
-LATEST = "assess-3"
+LATEST = "assess-4"
 BUDGETS = ("quick", "standard", "overnight")
 
 
