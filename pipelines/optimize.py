@@ -140,7 +140,9 @@ def optimize(
     ] = None,
     detector_size: Annotated[
         int | None,
-        attack_option(help="side of the detectors' input, pixels, where it is free; theirs if left out"),
+        attack_option(
+            help="side of the detectors' input, pixels, where it is free; theirs if left out, 320 for the panel of ours"
+        ),
     ] = None,
     precision: Annotated[str | None, machine_option(help="of the detectors: float32 or bfloat16")] = None,
     palette_of: PaletteOption = None,
