@@ -23,7 +23,7 @@ def given(tmp_path: Path, box_vehicle: Vehicle) -> Path:
 
 
 def begun(dataset: Dataset, detector: SmallDetector, **chosen: object) -> Run:
-    settings = make_settings(map_size=SIDE, samples=2, batch=1, **chosen)
+    settings = make_settings(**{"map_size": SIDE, "samples": 2, "batch": 1, **chosen})
     return Run(dataset, DetectorEnsemble([detector], "car"), settings)
 
 
@@ -41,7 +41,7 @@ def test_free_texels_begin_as_they_are_given(dataset: Dataset, small_detector: S
 def test_patches_begin_with_the_mean_light_of_their_texels(
     dataset: Dataset, small_detector: SmallDetector, given: Path
 ) -> None:
-    ours = settings_of("ours", begin_with=given, name="ours")
+    ours = settings_of("ours", begin_with=given, name="ours", map_size=SIDE, samples=2)
     run = begun(dataset, small_detector, **ours)
     found, wanted = run.texture.texels().detach(), texels_of(run, given)
     assert found.shape == wanted.shape
