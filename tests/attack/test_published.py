@@ -202,7 +202,7 @@ def test_every_published_form_takes_real_steps(
 def test_rauca_final_as_published_end_to_end(
     dataset: Dataset, small_detector: Any, weights: Path, tmp_path: Path
 ) -> None:
-    """What Adam takes beyond [0, 1] stays there, and only smoothness brings it back; a map of 512, published is 2048."""
+    """What Adam takes beyond [0, 1] stays there, and only smoothness brings it back; a map of 512, not 2048."""
     side = 512
     settings = published("rauca-final", weights, map_size=side, lr=0.4)
     run = Run(dataset, DetectorEnsemble([small_detector], "car"), settings)
