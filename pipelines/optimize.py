@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -166,7 +166,9 @@ def optimize(
     from rauca_core.study.job import steps_told
 
     settings = {**chosen_settings(context), **natural_settings(context)}
-    against = _behind(defence, detector, method, detector_size) if defence else detector
+    against: Sequence[DefendedDetector | str] = detector or ()
+    if defence:
+        against, settings["detector_size"] = _behind(defence, detector or (), method, detector_size)
     console.quiet = os.environ.get("RANK", "0") != "0"  # one process of several speaks
     tell = _lines(out) if json_progress else None
     with progress_bar("optimizing") as move:
@@ -178,22 +180,22 @@ def optimize(
                 tell(report)
 
         made = rauca.optimize(
-            dataset, against or (), settings.pop("method"), out=out, device=device,
+            dataset, against, settings.pop("method"), out=out, device=device,
             on_step=show, on_view=view, resume=resume, **settings,
         )  # fmt: skip
     console.print(f"camouflage: {made.path}")
 
 
-def _behind(defence: str, detectors: list[str] | None, method: str, size: int | None) -> list[DefendedDetector]:
-    """The detectors that are attacked, or the method's own panel, each behind a defence."""
+def _behind(
+    defence: str, named: Sequence[str], method: str, size: int | None
+) -> tuple[list[DefendedDetector], int | None]:
+    """The detectors that are attacked, or the method's own panel, each behind a defence, and the size of pictures."""
     from rauca_core.attack import load_attacked, method_named
     from rauca_core.study.defences import make_defence
     from rauca_core.study.defences.informed import DefendedDetector
 
-    made = make_defence(defence)
-    own = method_named(method)
-    chosen, side = (detectors, size) if detectors else (own.panel, size or own.panel_size)
-    return [DefendedDetector(load_attacked(name, side), made) for name in chosen]
+    made, (names, side) = make_defence(defence), method_named(method).attacked(named, size)
+    return [DefendedDetector(load_attacked(name, side), made) for name in names], side
 
 
 def _lines(out: Path) -> Callable[[StepReport], None]:

@@ -7,14 +7,16 @@ renderer. What each paper leaves open stands in ``docs/methods.md``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 from ..contract import RaucaError
 from .naturalness import Naturalness
 from .settings import Fidelity, make_settings
+
+Named = TypeVar("Named")
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,10 @@ class Method:
     stand_ins: str = ""
     panel: tuple[str, ...] = ("yolov3-tiny",)
     panel_size: int | None = None
+
+    def attacked(self, named: Sequence[Named], size: int | None) -> tuple[Sequence[Named | str], int | None]:
+        """What a run attacks, and its ``detector_size``: what is named, or else the panel at the panel's size."""
+        return (named, size) if named else (self.panel, self.panel_size if size is None else size)
 
 
 _NEURAL_RENDERER = {"samples": 2, "pixel_filter": "box"}

@@ -74,18 +74,15 @@ def optimize(
     if method is None and settings.get("fidelity") is not None:
         raise RaucaError(f"--as {settings['fidelity']}: is a form of a method; name the method with --method")
     chosen = make_settings(**(given if method is None else settings_of(method, **given)))
-    dataset, own = data if isinstance(data, Dataset) else Dataset(Path(data)), method_named(method or "rauca-final")
+    dataset = data if isinstance(data, Dataset) else Dataset(Path(data))
     if settings.get("target") is None:
         hidden = target_class(load_vehicle(dataset.vehicle_folder, read_image).category)
         chosen = chosen.model_copy(update={"target": hidden})
-    if not detectors and chosen.detector_size is None:
-        chosen = chosen.model_copy(update={"detector_size": own.panel_size})
+    attacked, size = method_named(method or "rauca-final").attacked(detectors, chosen.detector_size)
+    chosen = chosen.model_copy(update={"detector_size": size})
     place = contextlib.nullcontext(out) if out is not None else tempfile.TemporaryDirectory("rauca")
     with joined_processes(device) as processes, place as folder:
-        loaded = [
-            load_attacked(d, chosen.detector_size, processes.device) if isinstance(d, str) else d
-            for d in detectors or own.panel
-        ]
+        loaded = [load_attacked(d, size, processes.device) if isinstance(d, str) else d for d in attacked]
         path = run_optimization(dataset, loaded, chosen, Path(folder), on_step, resume, on_view, processes)
         processes.any(False)  # the first one writes what all read now
         made = load_paint(path)

@@ -31,7 +31,7 @@ def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, box_vehicle: Vehicle
             seen.append(settings)
             raise RaucaError("seen")
 
-        monkeypatch.setattr(optimizer, "load_detector", lambda *_, **__: None)
+        monkeypatch.setattr(optimizer, "load_detector", lambda *_, **__: SmallDetector())
         monkeypatch.setattr(optimizer, "run_optimization", run)
         with pytest.raises(RaucaError, match="seen"):
             CliRunner().invoke(app, ["optimize", str(data.folder), "--out", "x", *options], catch_exceptions=False)
@@ -49,6 +49,7 @@ def test_only_the_panel_of_ours_is_shown_pictures_of_a_size_of_its_own(chosen: A
     assert chosen("--detector", "yolov3-tiny").detector_size is None
     assert chosen("--detector-size", "416").detector_size == 416
     assert chosen().detector_size == METHODS["ours"].panel_size
+    assert chosen("--defence", "jpeg").detector_size == METHODS["ours"].panel_size
 
 
 @pytest.mark.parametrize("name", METHODS)
