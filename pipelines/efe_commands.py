@@ -13,7 +13,7 @@ from rauca_core.contract import Progress, RaucaError
 from rauca_core.contract.color import TEST, find_colors
 from rauca_core.contract.files import png_bytes, write_bytes, write_json
 
-from .console import command_line, console, output, progress_bar
+from .console import command_line, console, goes_on_by_itself, output, progress_bar
 from .options import Seed, Threads, machine_option
 
 if TYPE_CHECKING:
@@ -93,6 +93,29 @@ def efe_train(
 
 efe_app.command("train", help="Train our extractor on several vehicles.")(efe_train)
 efe_app.command("finetune", help="Adapt pre-trained weights to another vehicle.")(efe_train)
+
+
+@efe_app.command("published")
+def efe_published(
+    dataset: Annotated[Path, typer.Argument(help="data set with light maps, of two locations or more")],
+    out: Annotated[Path, typer.Option(help="folder for the weights and checkpoints; a stopped run goes on")],
+    epochs: Annotated[int, typer.Option(help="at most; the paper's criterion of convergence may end it sooner")] = 20,
+    width: Annotated[
+        str, typer.Option(help="channels: as in the paper, or a quarter of them, a sixteenth of the work")
+    ] = "paper",
+    device: Device = None,
+    threads: Threads = None,
+) -> None:
+    """Train the paper's extractor, for `optimize --as published --extractor OUT/published.safetensors`."""
+    from rauca_core.training.extractor_fit import fit_published
+
+    with goes_on_by_itself(), progress_bar("training") as move:
+
+        def show_epoch(report: EpochReport) -> None:
+            move(Progress(report.epoch, report.epochs, f"error {report.error:.4f}  best {report.best:.4f}"))
+
+        weights = fit_published(dataset, out, epochs, threads, show_epoch, device, width)
+    console.print(f"weights: {weights}")
 
 
 @efe_app.command("evaluate")

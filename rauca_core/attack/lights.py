@@ -100,7 +100,8 @@ def light_source(
         net = load_extractor(extractor)[0].to(device)
     if name == "published":
         if extractor is None:
-            raise RaucaError("light: published needs weights of its own; `rauca ablate environment` trains them")
+            told = "train them with `rauca efe published DATASET --out FOLDER`, and give --extractor FILE"
+            raise RaucaError(f"light: published needs weights of its own; {told}")
         teacher = load_published(extractor).to(device)
     sources = {
         "exact": exact,

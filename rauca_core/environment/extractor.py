@@ -149,6 +149,7 @@ class PublishedEfe(nn.Module):
 
     def __init__(self, widths: tuple[int, ...] = WIDTHS) -> None:
         super().__init__()
+        self.widths = widths
         inputs = (3, *widths[:-1])
         self.down = nn.ModuleList(_double(a, b) for a, b in zip(inputs, widths, strict=True))
         pairs = list(zip(widths[:0:-1], widths[-2::-1], strict=True))

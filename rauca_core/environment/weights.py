@@ -90,7 +90,7 @@ class PublishedCard(Card):
     """
 
     FORMAT = ("rauca-published-efe-weights", 1)
-    REMEDY = "train it again with `rauca ablate environment`"
+    REMEDY = "train it again with `rauca efe published`"
 
     widths: Annotated[Sequence[int], "items"] = WIDTHS
     data: dict[str, Any] = field(default_factory=dict)

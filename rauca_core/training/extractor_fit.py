@@ -9,9 +9,10 @@ from pathlib import Path
 import torch
 from torch import nn
 
+from ..contract import RaucaError
 from ..contract.files import write_json
 from ..contract.seeding import named_seed
-from ..environment.extractor import LightSplitter, PublishedEfe
+from ..environment.extractor import WIDTHS, LightSplitter, PublishedEfe
 from ..environment.frames import LightFrames
 from ..environment.metrics import Error, total
 from ..environment.weights import ModelCard, PublishedCard, load_extractor, load_published, read_card, save_extractor
@@ -26,8 +27,8 @@ from .settings import ExtractorSettings
 WEIGHTS = "light-splitter.safetensors"
 PUBLISHED_WEIGHTS = "published.safetensors"
 FINISHED = "finished.json"
-# A quarter of the published channels, a sixteenth of the work: on a CPU, hundreds of frames rather than tens.
-NARROW = (16, 32, 64, 128, 256)
+# Channels per level by name. A quarter is a sixteenth of the work: on a CPU, hundreds of frames rather than tens.
+PUBLISHED_WIDTHS = {"paper": WIDTHS, "quarter": tuple(width // 4 for width in WIDTHS)}
 ALL = "all"  # weathers together, in a card's metrics
 
 
@@ -94,7 +95,8 @@ def fit_published(
     epochs: int,
     threads: int | None = None,
     on_epoch: Callable[[EpochReport], None] = lambda report: None,
-    device: torch.device | str = "cpu",
+    device: torch.device | str | None = "cpu",
+    width: str = "quarter",
 ) -> Path:
     """Train the published extractor, go on, or find it finished in ``out``: its final loop, Adam 0.01, Eq. 5 with W.
 
@@ -103,26 +105,34 @@ def fit_published(
     Args:
         dataset: with light maps and at least two locations.
         epochs: at most; the paper's criterion of convergence may end it sooner.
+        device: a GPU if there is one, when None.
+        width: a key of :data:`PUBLISHED_WIDTHS`.
 
     Raises:
-        RaucaError: unusable data set or folder; a loss that is not finite.
+        RaucaError: unusable data set or folder; no such width; a loss that is not finite.
     """
     weights = out / PUBLISHED_WEIGHTS
+    if width not in PUBLISHED_WIDTHS:
+        raise RaucaError(f"--width: no {width!r}; choose {' or '.join(PUBLISHED_WIDTHS)}")
+    widths = PUBLISHED_WIDTHS[width]
     if (out / FINISHED).is_file():
-        load_published(weights)
+        found = load_published(weights)
+        if found.widths != widths:
+            raise RaucaError(f"{weights}: it has other channels than --width {width}; choose another --out")
         return weights
     settings = ExtractorSettings.make(method="published-final", batch=4, epochs=epochs, threads=threads)
     frames = LightFrames([dataset])
     chosen, held_out = frames.split(settings.split, settings.test_share, settings.seed)
     torch.manual_seed(named_seed(settings.seed, "published weights"))
-    net = PublishedEfe(NARROW)
+    net = PublishedEfe(widths)
     data = {"name": frames.datasets[0].plan.name, "frames": len(chosen), "size": frames.size}
 
     def keep(epoch: int, best: nn.Module, errors: dict[str, Error]) -> None:
         error = total(errors.values()).mae
-        save_extractor(weights, best, PublishedCard(NARROW, settings.model_dump(mode="json"), data, error))
+        save_extractor(weights, best, PublishedCard(widths, settings.model_dump(mode="json"), data, error))
 
-    job = Job(FinalLearner(net, frames, settings), frames, chosen, held_out, settings, out, keep)
+    identity = {"widths": list(widths)}
+    job = Job(FinalLearner(net, frames, settings), frames, chosen, held_out, settings, out, keep, identity)
     outcome = train(job, Processes(0, 1, find_device(device)), started(out), on_epoch)
     write_json(out / FINISHED, {"errors": outcome.errors, "best_epoch": outcome.best_epoch})
     return weights

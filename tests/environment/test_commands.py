@@ -14,7 +14,7 @@ from rauca_core.contract import Dataset, RaucaError
 from rauca_core.contract.files import png_bytes
 from rauca_core.environment import LightSplitter, ModelCard, estimate, load_exact
 from rauca_core.environment.preview import preview
-from rauca_core.environment.weights import load_extractor, save_extractor
+from rauca_core.environment.weights import load_extractor, load_published, save_extractor
 from rauca_core.runtime.images import read_image
 from rauca_core.training.extractor_fit import WEIGHTS, Fit, fit
 from rauca_core.training.settings import ExtractorSettings
@@ -49,9 +49,23 @@ def test_train_finetune_evaluate(dataset, tmp_path):
     assert figures["all"]["transfer"]["mse"] < figures["all"]["none"]["mse"]
 
 
+def test_the_papers_extractor_is_one_command(dataset, tmp_path):
+    train = ("published", dataset.folder, "--out", tmp_path / "a", "--epochs", 1, "--threads", 1)
+    efe(*train, "--width", "quarter")
+    weights = tmp_path / "a" / "published.safetensors"
+    assert load_published(weights).widths == (16, 32, 64, 128, 256)
+    made = weights.read_bytes()
+    efe(*train, "--width", "quarter")
+    assert weights.read_bytes() == made
+    with pytest.raises(RaucaError, match="other channels than --width paper; choose another --out"):
+        efe(*train)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        (("published", "nowhere", "--out", "x"), "not a data set"),
+        (("published", "nowhere", "--out", "x", "--width", "half"), "choose paper or quarter"),
         (("train", "nowhere", "--out", "x"), "not a data set"),
         (("train", "nowhere", "--out", "x", "--lr", "9"), "lr: "),
         (("evaluate", "nowhere", "--weights", "no.safetensors"), "no.safetensors: no such weights"),
