@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pipelines.console import goes_on_by_itself, progress_bar
+from pipelines.console import progress_bar
 from pipelines.dataset_options import dataset_job, dataset_parser
 from rauca_core.contract import (
     Dataset,
@@ -94,7 +94,7 @@ def make_dataset(wanted: Wanted, folder: Path) -> Dataset:
         preset = folder / f"{wanted.folder_name}.json"
         save_weathers(preset, wanted.weathers)
         chosen = ["--out", str(out), "--vehicle", wanted.vehicle, "--weathers", str(preset), *wanted.options.split()]
-        with goes_on_by_itself(), progress_bar(f"rendering {wanted.name}") as move:
+        with progress_bar(f"rendering {wanted.name}") as move:
             run_blender(dataset_job(dataset_parser().parse_args(chosen)), move)
     return Dataset(out)
 

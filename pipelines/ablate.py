@@ -19,7 +19,7 @@ def ablate(
             help="baselines, renderer, dataset, beta, augmentation, environment, views, limit, sampling or paint",
         ),
     ],
-    out: Annotated[Path, typer.Option(help="folder for the table; run again to resume")],
+    out: Annotated[Path, typer.Option(help="folder for the table; run again to go on")],
     data: Annotated[
         Path | None,
         typer.Option(help="what ablations share: training sets, views, camouflages; OUT/../data if left out"),

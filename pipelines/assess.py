@@ -43,7 +43,7 @@ Conditions = Annotated[
 
 def assess(
     detectors: Annotated[list[str], typer.Argument(metavar="DETECTOR...", help="names or files; several are compared")],
-    out: Annotated[Path, typer.Option(help="folder of the assessment; run again to resume")],
+    out: Annotated[Path, typer.Option(help="folder of the assessment; run again to go on")],
     classes: Classes = None,
     names: ClassNames = None,
     budget: Annotated[

@@ -47,7 +47,7 @@ def progress_bar(title: str, every_step: bool = False, resumes: bool = True) -> 
     each step, too.
 
     Args:
-        resumes: the work can go on where it was, with ``--resume`` or within :func:`goes_on_by_itself`.
+        resumes: the same command goes on where this one stopped.
 
     Raises:
         StoppedError: in place of a KeyboardInterrupt inside.
@@ -115,9 +115,9 @@ def progress_bars() -> Iterator[Callable[[str, Progress], None]]:
     """A bar for each thing that a study does in turn; yields what it tells its progress.
 
     Raises:
-        RaucaError: in place of a stop inside: the same command goes on.
+        StoppedError: in place of a KeyboardInterrupt inside.
     """
-    with goes_on_by_itself(), contextlib.ExitStack() as stack:
+    with contextlib.ExitStack() as stack:
         shown: dict[str, Callable[[Progress], None]] = {}
 
         def show(title: str, progress: Progress) -> None:
@@ -131,15 +131,6 @@ def progress_bars() -> Iterator[Callable[[str, Progress], None]]:
             yield show
         except KeyboardInterrupt:
             raise StoppedError("interrupted; what was finished is kept") from None
-
-
-@contextlib.contextmanager
-def goes_on_by_itself() -> Iterator[None]:
-    """Within: a stop is told with what to do for commands that go on where an earlier run of theirs stopped."""
-    try:
-        yield
-    except StoppedError as stop:
-        raise RaucaError(f"{stop.where}; run the same command again to go on") from None
 
 
 def line_writer() -> Callable[[str], None]:

@@ -25,7 +25,7 @@ from rauca_core.dataset_tools.check import COUNTED, MIN_PSNR_DB
 from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.cluster import Cluster, render_on_cluster
 
-from .console import console, goes_on_by_itself, output, progress_bar
+from .console import console, output, progress_bar
 from .dataset_options import dataset_job, dataset_parser, refuse_without_slurm, slurm_parser
 from .options import Blender
 
@@ -43,7 +43,7 @@ def dataset_make(context: typer.Context, blender: Blender = None) -> None:
     options = every_option.parse_args(context.args)
     refuse_without_slurm(options)
     job = dataset_job(options)
-    with goes_on_by_itself(), progress_bar("rendering data set", every_step=True) as bar:
+    with progress_bar("rendering data set", every_step=True) as bar:
 
         def move(progress: Progress) -> None:
             bar(progress)
@@ -110,7 +110,7 @@ def dataset_densify(
     from rauca_core.contract import Dataset
     from rauca_core.environment.views import Views, densify
 
-    with goes_on_by_itself(), progress_bar("composing") as move:
+    with progress_bar("composing") as move:
         made = densify(Views(Dataset(folder), views, seed=seed), out, move, threads)
     console.print(f"{len(made.begun())} frames: {out}")
 
@@ -126,7 +126,7 @@ def dataset_export(
     ] = None,
 ) -> None:
     """Write images and boxes as COCO JSON or YOLO text, for other tools; in camouflages, too, to train on."""
-    with goes_on_by_itself(), progress_bar("exporting") as move:
+    with progress_bar("exporting") as move:
         if camouflage:
             from rauca_core.study.camouflaged import export_camouflaged
 
@@ -139,12 +139,12 @@ def dataset_export(
 @dataset_app.command("recolor")
 def dataset_recolor(
     folder: Folder,
-    out: Annotated[Path, typer.Option(help="images go to OUT/<color>/<frame>.png; run again to resume")],
+    out: Annotated[Path, typer.Option(help="images go to OUT/<color>/<frame>.png; run again to go on")],
     colors: Annotated[str, typer.Option(help="train (9), test (32), or sRGB colors like ff8800,8c8c8c")] = "train",
 ) -> None:
     """Write every frame in uniform colors, from its light maps: one multiply-add each."""
     chosen = find_colors(colors)
-    with goes_on_by_itself(), progress_bar("recoloring") as move:
+    with progress_bar("recoloring") as move:
         written = recolor_dataset(folder, chosen, out, move)
     console.print(f"{written} images written: {out}")
 
@@ -164,7 +164,7 @@ def _table(folder: Path, result: CheckResult) -> Table:
 
 @dataset_app.command("light")
 def dataset_light(folder: Folder) -> None:
-    """Fit irradiance textures, the light on the vehicle in each place and weather; run again to resume."""
+    """Fit irradiance textures, the light on the vehicle in each place and weather; run again to go on."""
     from rauca_core.environment.place_light import light_places
 
     numbers = ("views", "seen", "texels unseen", "dB", "held out")

@@ -14,7 +14,7 @@ from .options import Blender, Device, PaintMask, PaintMaterial, RenderDevice, Sl
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="folder of the run; run again to resume")] = Path("runs/demo"),
+    out: Annotated[Path, typer.Option(help="folder of the run; run again to go on")] = Path("runs/demo"),
     vehicle: Annotated[str, typer.Option(help="shipped vehicle's name, or an .obj, .glb or .blend")] = "sedan",
     paint_mask: PaintMask = None,
     paint_material: PaintMaterial = None,

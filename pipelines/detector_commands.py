@@ -134,7 +134,7 @@ def _cost(cost: Cost) -> str:
 def detectors_train(
     name: Annotated[str, typer.Argument(help="frcnn-synth or detr-synth")],
     datasets: Annotated[list[Path], typer.Argument(help="data sets with light maps, of one image size")],
-    out: Annotated[Path, typer.Option(help="folder for the weights, their card and checkpoints")],
+    out: Annotated[Path, typer.Option(help="folder for the weights, their card and checkpoints; run again to go on")],
     test: Annotated[list[Path] | None, typer.Option("--test", help="data set to test on; repeat for more")] = None,
     steps: Annotated[int, typer.Option(help="of the training")] = 600,
     batch: Annotated[int, typer.Option(help="images per step")] = 8,
@@ -150,7 +150,6 @@ def detectors_train(
     threads: Threads = None,
     device: Annotated[str, machine_option(help="that learns and tests: cpu, cuda, cuda:1 ...")] = "cpu",
     remarks: Annotated[str, typer.Option(help="for the card")] = "",
-    resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
 ) -> None:
     """Train a detector of our own, two-stage or transformer, on plain cars in data sets."""
     from rauca_core.detect.synth.networks import find_recipe
@@ -180,7 +179,7 @@ def detectors_train(
             if not console.is_terminal:
                 console.print(f"step {report.step}/{report.steps}  loss {report.loss:.3f}  {said}")
 
-        weights, found = fit(wanted, resume, show_round, show_step)
+        weights, found = fit(wanted, show_round, show_step)
     table = Table("on", "AP@0.5", "frames", title=f"{name} on frames held out, class car")
     for group, ap in {**found.ap50, **found.by_vehicle}.items():
         table.add_row(group, f"{ap:.3f}", str(found.frames[group]))

@@ -13,7 +13,7 @@ from rauca_core.contract import Progress, RaucaError
 from rauca_core.contract.color import TEST, find_colors
 from rauca_core.contract.files import png_bytes, write_bytes, write_json
 
-from .console import command_line, console, goes_on_by_itself, output, progress_bar
+from .console import command_line, console, output, progress_bar
 from .options import Seed, Threads, machine_option
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def efe_train(
     datasets: Annotated[
         list[Path], typer.Argument(help="data sets with light maps, of one image size unless --size is given")
     ],
-    out: Annotated[Path, typer.Option(help="folder for the weights, checkpoints and tensorboard")],
+    out: Annotated[Path, typer.Option(help="folder for the weights, checkpoints and tensorboard; run again to go on")],
     test: Annotated[list[Path] | None, typer.Option("--test", help="data set to test on; repeat for more")] = None,
     epochs: Annotated[int, typer.Option(help="at most")] = 40,
     batch: Annotated[int, typer.Option(help="frames per step, over all processes")] = 4,
@@ -58,7 +58,6 @@ def efe_train(
         typer.Option("--start", "--weights", help="to begin with; drawn by the seed, to fine-tune the shipped ones"),
     ] = None,
     remarks: Annotated[str, typer.Option(help="for the model card")] = "",
-    resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
 ) -> None:
     """Train as the options say; ``finetune`` has another beginning."""
     from rauca_core.environment.weights import shipped_weights
@@ -85,7 +84,7 @@ def efe_train(
             if not console.is_terminal:
                 console.print(said)
 
-        weights, outcome = fit(wanted, resume, show_epoch, show_step)
+        weights, outcome = fit(wanted, show_epoch, show_step)
     ended = f"converged at epoch {outcome.converged}" if outcome.converged else f"{len(outcome.errors) - 1} epochs"
     console.print(f"{ended}; best at {outcome.best_epoch}, mean absolute error {min(outcome.errors):.4f}")
     console.print(f"weights: {weights}")
@@ -98,7 +97,7 @@ efe_app.command("finetune", help="Adapt pre-trained weights to another vehicle."
 @efe_app.command("published")
 def efe_published(
     dataset: Annotated[Path, typer.Argument(help="data set with light maps, of two locations or more")],
-    out: Annotated[Path, typer.Option(help="folder for the weights and checkpoints; a stopped run goes on")],
+    out: Annotated[Path, typer.Option(help="folder for the weights and checkpoints; run again to go on")],
     epochs: Annotated[int, typer.Option(help="at most; the paper's criterion of convergence may end it sooner")] = 20,
     width: Annotated[
         str, typer.Option(help="channels: as in the paper, or a quarter of them, a sixteenth of the work")
@@ -109,7 +108,7 @@ def efe_published(
     """Train the paper's extractor, for `optimize --as published --extractor OUT/published.safetensors`."""
     from rauca_core.training.extractor_fit import fit_published
 
-    with goes_on_by_itself(), progress_bar("training") as move:
+    with progress_bar("training") as move:
 
         def show_epoch(report: EpochReport) -> None:
             move(Progress(report.epoch, report.epochs, f"error {report.error:.4f}  best {report.best:.4f}"))

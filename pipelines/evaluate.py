@@ -32,7 +32,7 @@ Given = Annotated[
 Camouflages = Annotated[
     list[str] | None, typer.Option(help="camouflage .json, or LABEL=FILE; several, comma separated or repeated")
 ]
-Out = Annotated[Path, typer.Option(help="folder of the study; run again to resume")]
+Out = Annotated[Path, typer.Option(help="folder of the study; run again to go on")]
 Detectors = Annotated[
     list[str] | None, typer.Option("--detectors", "--detector", help="names or paths, comma separated; or all")
 ]

@@ -38,7 +38,7 @@ def harden(
     ],
     held_out: Held,
     data: Data,
-    out: Annotated[Path, typer.Option(help="folder for the weights, report and all on the way; run again to resume")],
+    out: Annotated[Path, typer.Option(help="folder for the weights, report and all on the way; run again to go on")],
     camouflage: Annotated[list[Path] | None, typer.Option(help="camouflage .json to train on; repeat for more")] = None,
     rounds: Annotated[int, training_option(help="of attack and fine-tuning")] = 1,
     steps: Annotated[int, training_option(help="of fine-tuning in each round")] = 320,

@@ -44,7 +44,9 @@ RECENT_STEPS = 50  # that the time left is judged by
 def optimize(
     context: typer.Context,
     dataset: Annotated[Path, typer.Argument(help="data set with light maps")],
-    out: Annotated[Path, typer.Option(help="folder for the camouflage, its history and checkpoints")],
+    out: Annotated[
+        Path, typer.Option(help="folder for the camouflage, its history and checkpoints; run again to go on")
+    ],
     detector: Annotated[
         list[str] | None,
         typer.Option(
@@ -157,7 +159,6 @@ def optimize(
     device: Annotated[str | None, machine_option(help="to optimize on, such as cuda:1; a GPU if there is one")] = None,
     threads: Threads = None,
     name: Annotated[str | None, typer.Option(help="of the camouflage, in tables; the method's if left out")] = None,
-    resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
     json_progress: Annotated[
         bool, machine_option("--json-progress", help="each step as a line of JSON on standard output, for programs")
     ] = False,
@@ -181,7 +182,7 @@ def optimize(
 
         made = rauca.optimize(
             dataset, against, settings.pop("method"), out=out, device=device,
-            on_step=show, on_view=view, resume=resume, **settings,
+            on_step=show, on_view=view, **settings,
         )  # fmt: skip
     console.print(f"camouflage: {made.path}")
 

@@ -20,7 +20,7 @@ QUICK_BOUNDS, QUICK_FEATURES = "0,20", "40"
 
 def tradeoff(
     dataset: Annotated[Path, typer.Argument(help="data set with light maps")],
-    out: Annotated[Path, typer.Option(help="folder of the curve and all behind it; run again to resume")],
+    out: Annotated[Path, typer.Option(help="folder of the curve and all behind it; run again to go on")],
     reference: Reference = None,
     reference_width: ReferenceWidth = 2.0,
     bounds: Annotated[

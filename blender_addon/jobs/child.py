@@ -27,7 +27,6 @@ def child_command(job: Path) -> list[str]:
 # The jobs speak of their command line; here a button is what the user has.
 IN_THE_WINDOW = (
     ("run the same command with --retry-quarantined to try them again", "tick Retry Failed and start again"),
-    ("run the same command with --resume", "start again to go on"),
     ("run the same command again", "start again"),
     ("run the same command to go on", "start again to go on"),
     ("or pass --no-denoise with 64 samples or more", "or turn Denoise off and take 64 samples or more"),

@@ -273,9 +273,6 @@ class OptimizeTask(Task):
     _told_history: bool = False
     _preview_at: int = 0  # when the pictures that were read last were written, nanoseconds
 
-    def command(self) -> list[str]:
-        return [*self.start, "--resume"] if begun(self.folder) else list(self.start)
-
     def hear(self, line: str) -> JobUpdate | None:
         progress = contract.parse_optimize_progress(line)
         if progress is None:

@@ -21,7 +21,7 @@ from ..runtime.distributed import SINGLE_PROCESS, Processes, joined_processes
 from ..runtime.folder_lock import alone_in
 from ..runtime.images import read_image
 from ..runtime.stopping import stop_request
-from ..runtime.tensor_files import CHECKPOINTS, load_checkpoint, require_same, require_state, started
+from ..runtime.tensor_files import CHECKPOINTS, load_checkpoint, require_same, started
 from .ensemble import DetectorEnsemble
 from .history import CURVES, HISTORY, Recorder, StepReport, read_history
 from .methods import method_named, settings_of
@@ -47,7 +47,6 @@ def optimize(
     out: Path | str | None = None,
     on_step: OnStep | None = None,
     on_view: OnView | None = None,
-    resume: bool = False,
     **settings: Any,
 ) -> Paint:
     """Optimize a camouflage on a data set against one or several detectors.
@@ -63,7 +62,6 @@ def optimize(
         out: folder of the run, see :func:`run_optimization`; a temporary one if left out.
         on_step: called after every step.
         on_view: called, from another thread, with the cameras that are ready and how many there are.
-        resume: go on from the latest checkpoint in ``out``.
         settings: fields of `OptimizerSettings`, which win over the method's; ``target``, the class to hide, is the
             vehicle's own if left out.
 
@@ -83,7 +81,7 @@ def optimize(
     place = contextlib.nullcontext(out) if out is not None else tempfile.TemporaryDirectory("rauca")
     with joined_processes(device) as processes, place as folder:
         loaded = [load_attacked(d, size, processes.device) if isinstance(d, str) else d for d in attacked]
-        path = run_optimization(dataset, loaded, chosen, Path(folder), on_step, resume, on_view, processes)
+        path = run_optimization(dataset, loaded, chosen, Path(folder), on_step, on_view, processes)
         processes.any(False)  # the first one writes what all read now
         made = load_paint(path)
         return replace(made, history=read_history(path.parent), path=None if out is None else path)
@@ -103,22 +101,20 @@ def run_optimization(
     settings: OptimizerSettings,
     out: Path,
     on_step: OnStep | None = None,
-    resume: bool = False,
     on_view: OnView | None = None,
     processes: Processes = SINGLE_PROCESS,
 ) -> Path:
     """What :func:`optimize` does, in a folder, for callers that have made up the settings.
 
     ``out`` receives ``camouflage.json`` and ``.png``, ``history.jsonl``, ``tensorboard/``, ``checkpoints/`` and, while
-    the run goes on, the pictures of `history`. A run resumed on the same machine ends in the same bits as one that
-    never stopped. A stopped run leaves the camouflage of its last step as ``unfinished.json`` and ``.png``; one that is
-    resumed with fewer steps than were taken ends at once, with the camouflage as it is.
+    the run goes on, the pictures of `history`. Where a run was stopped there, this one goes on; on the same machine it
+    ends in the same bits as one that never stopped. A stopped run leaves the camouflage of its last step as
+    ``unfinished.json`` and ``.png``.
 
     Args:
         dataset: with light maps; frames without a box are skipped.
         detectors: their class names must hold ``settings.target``; they are moved to the processes' device.
         on_step: called after every step in the leading process; progress bars are the caller's business.
-        resume: go on from the latest checkpoint in ``out``.
         on_view: called, from another thread, with the cameras whose taps are built and how many there are.
         processes: that share every batch; they end as one would, but for the order of sums.
 
@@ -126,12 +122,14 @@ def run_optimization(
         The path of ``camouflage.json``.
 
     Raises:
-        RaucaError: unusable data set, detector or folder, or another process at work there; a loss or gradient that is
-            not finite (the frame is named); a stop by Ctrl-C or SIGTERM, after a checkpoint.
+        RaucaError: unusable data set, detector or folder; a folder that holds another run, or one of more steps, or
+            another process at work there; a loss or gradient that is not finite (the frame is named); a stop by Ctrl-C
+            or SIGTERM, after a checkpoint.
     """
     out = Path(out)
     with alone_in(out) if processes.is_main else contextlib.nullcontext():
-        require_state(out, "run", started(out), resume)
+        # The one that writes decides, and all wait for it: its first checkpoint may be there before another has looked.
+        begun = processes.any(processes.is_main and started(out))
         if settings.tap_folder is None and not os.access(dataset.folder, os.W_OK):  # a data set on a read-only disk
             settings = settings.model_copy(update={"tap_folder": out / TAPS})
         keep_large_blocks()
@@ -140,9 +138,14 @@ def run_optimization(
         with threads(settings.threads):
             run = Run(dataset, ensemble, settings, processes)
             try:
-                if resume:
+                if begun:
                     checkpoint = load_checkpoint(out / CHECKPOINTS)
                     require_same(out, "run", checkpoint.identity, run.identity)
+                    if checkpoint.step > settings.steps:
+                        raise RaucaError(
+                            f"{out}: holds a run of {checkpoint.step} steps already; "
+                            f"choose another folder for one of {settings.steps}, or give more"
+                        )
                     run.restore(checkpoint)
                 with run.store.warming(run.order.upcoming(), on_view):
                     _loop(run, out, on_step)

@@ -12,10 +12,9 @@ class RaucaError(Exception):
 class StoppedError(RaucaError):
     """Long work was asked to stop and kept what is done.
 
-    Attributes:
+    Args:
         where: the folder, and how far it came.
     """
 
     def __init__(self, where: str) -> None:
-        super().__init__(f"{where}; run the same command with --resume")
-        self.where = where
+        super().__init__(f"{where}; run the same command again to go on")

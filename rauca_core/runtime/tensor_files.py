@@ -51,13 +51,6 @@ def started(out: Path) -> bool:
     return (out / CHECKPOINTS / POINTER).is_file()
 
 
-def require_state(out: Path, what: str, found: bool, resume: bool) -> None:
-    """Refuse to start where a run is (``found``), and to resume where none is; ``what`` is it called."""
-    if found != resume:
-        hint = "go on with --resume, or choose another folder" if found else "start without --resume"
-        raise RaucaError(f"{out}: holds {'a' if found else 'no'} {what}; {hint}")
-
-
 def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
     """Write it; the one before goes when this one is whole."""
     file = f"step-{checkpoint.step:08d}.safetensors"
@@ -88,7 +81,7 @@ def load_checkpoint(folder: Path) -> Checkpoint:
 
 
 def require_same(folder: Path, what: str, found: dict[str, Any], wanted: dict[str, Any]) -> None:
-    """Refuse to resume a run under other conditions, naming what differs; ``what`` is it called."""
+    """Refuse to go on with a run under other conditions, naming what differs; ``what`` is it called."""
     changed = ["identity"]
     if isinstance(found, dict):  # it is as the file has it
         changed = [key for key in sorted({*found, *wanted}) if found.get(key) != wanted.get(key)]

@@ -11,8 +11,7 @@ from ..attack.methods import method_named
 from ..contract import Dataset, Progress, load_camouflage
 from ..contract.seeding import named_seed
 from ..detect import Detector
-from ..runtime.tensor_files import started
-from ..training.harden import RECORD, Hardening, HardenReport, harden
+from ..training.harden import Hardening, HardenReport, harden
 from ..training.measure import Judged
 from ..training.settings import HardenSettings
 from .average_precision import Sample, average_precision
@@ -116,7 +115,7 @@ def hardening(
             done = done_before(settings, number) + restart * length + step.step
             report(Progress(done, work_of(settings), f"round {number}  attack, score {step.score:.2f}"))
 
-        return run_optimization(dataset, [detector], chosen, folder, show, started(folder), None, machine.processes)
+        return run_optimization(dataset, [detector], chosen, folder, show, None, machine.processes)
 
     return Hardening(
         options["detector"], list(map(Path, options["datasets"])), list(map(Path, options["camouflages"])), out,
@@ -148,4 +147,4 @@ def run_hardening(options: dict[str, Any], out: Path, machine: Machine, report: 
         nonlocal told
         told = f"  AP@0.5 {found.summary}"
 
-    return harden(wanted, (out / RECORD).is_file(), show_test, show_step)
+    return harden(wanted, show_test, show_step)

@@ -34,7 +34,6 @@ from ..contract.system import cores
 from ..runtime.blender import run_blender, run_blenders
 from ..runtime.devices import threads
 from ..runtime.images import is_whole, read_image
-from ..runtime.tensor_files import started
 from ..training.extractor_fit import FINISHED, PUBLISHED_WEIGHTS, fit_published
 from .artifact import Artifact
 from .camouflaged import wearer
@@ -116,7 +115,7 @@ def make_paint(job: Job) -> None:
     detectors = [job.machine.detector(fingerprint, typed) for fingerprint, typed in named]
     data, folder = Dataset(job.inputs[0]), job.folder
     step, view = steps_told(job.report)
-    run_optimization(data, detectors, settings, folder, step, started(folder), view, job.machine.processes)
+    run_optimization(data, detectors, settings, folder, step, view, job.machine.processes)
 
 
 def make_random(job: Job) -> None:

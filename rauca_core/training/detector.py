@@ -53,11 +53,10 @@ class Job:
 
 def train(
     job: Job,
-    resume: bool = False,
     on_round: OnRound = lambda report: None,
     on_step: OnStep = lambda done, steps, loss: None,
 ) -> tuple[nn.Module, Findings]:
-    """Run or resume a training; returns the averaged network, ready to infer on the job's device, and its last test.
+    """Run a training, or go on; returns the averaged network, ready to infer on the job's device, and its last test.
 
     Raises:
         RaucaError: as of :func:`loop.run_task`.
@@ -70,7 +69,7 @@ def train(
         job.out, settings.steps, settings.round, settings.lr, settings.clip, settings.threads,
         {**settings.identity(), **job.identity},
     )  # fmt: skip
-    findings = run_task(task, run, resume, on_round, on_step)
+    findings = run_task(task, run, on_round, on_step)
     return task.average.network, findings
 
 

@@ -29,6 +29,7 @@ from ..environment.frames import LightFrames
 from ..environment.metrics import Error, measure, total
 from ..runtime.board import Board
 from ..runtime.distributed import SINGLE_PROCESS, Processes
+from ..runtime.tensor_files import started
 from .extractor_learners import Item, Learner
 from .loop import AveragedCopy, RoundReport, Run, Task, read_ledger, run_task
 from .settings import ExtractorSettings
@@ -115,11 +116,10 @@ class Job:
 def train(
     job: Job,
     processes: Processes = SINGLE_PROCESS,
-    resume: bool = False,
     on_epoch: Callable[[EpochReport], None] = lambda report: None,
     on_step: Callable[[int, int], None] = lambda done, steps: None,
 ) -> Outcome:
-    """Run or resume a training on the processes' device, see :func:`loop.run_task`.
+    """Run a training on the processes' device, or go on, see :func:`loop.run_task`.
 
     Several processes share every batch and end as one process would, but for the order of sums.
 
@@ -128,7 +128,7 @@ def train(
     """
     if not job.train or not job.test:
         raise RaucaError(f"{job.out}: no frames to {'train' if not job.train else 'test'} on; make a larger data set")
-    settings, task = job.settings, _ExtractorTask(job, processes, resume)
+    settings, task = job.settings, _ExtractorTask(job, processes)
     identity = {
         **settings.identity(),
         **job.identity,
@@ -155,7 +155,7 @@ def train(
         on_epoch(found)
 
     try:
-        run_task(task, run, resume, tell, lambda n, _, __: on_step((n - 1) % task.steps + 1, task.steps), processes)
+        run_task(task, run, tell, lambda n, _, __: on_step((n - 1) % task.steps + 1, task.steps), processes)
     finally:
         if board is not None:
             board.close()
@@ -180,7 +180,7 @@ class _ExtractorTask(Task[_Shown, EpochReport]):
         errors: mean absolute test error of every epoch so far.
     """
 
-    def __init__(self, job: Job, processes: Processes, resume: bool) -> None:
+    def __init__(self, job: Job, processes: Processes) -> None:
         self.job, self.processes, settings = job, processes, job.settings
         self.network = job.learner.net.to(processes.device)
         # Without weight decay AdamW is Adam.
@@ -190,8 +190,9 @@ class _ExtractorTask(Task[_Shown, EpochReport]):
         self.average = AveragedCopy(self.network, settings.average, ahead=1)
         self._items = job.learner.items(job.train)
         self.steps = -(-len(self._items) // settings.batch)
-        tested = read_ledger(job.out, lambda line: (line.integer("epoch"), line.number("mae"))) if resume else []
-        self.errors: dict[int, float] = dict(tested)
+        self.errors: dict[int, float] = {}
+        if started(job.out):
+            self.errors.update(read_ledger(job.out, lambda line: (line.integer("epoch"), line.number("mae"))))
         self._began: float | None = None
 
     def batch(self, step: int) -> _Shown:

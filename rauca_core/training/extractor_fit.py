@@ -18,7 +18,6 @@ from ..environment.metrics import Error, total
 from ..environment.weights import ModelCard, PublishedCard, load_extractor, load_published, read_card, save_extractor
 from ..runtime.devices import find_device
 from ..runtime.distributed import Processes, joined_processes
-from ..runtime.tensor_files import started
 from .extractor import EpochReport, Job, Outcome, train
 from .extractor_learners import FinalLearner, SplitterLearner
 from .fit import Given, describe
@@ -41,7 +40,6 @@ class Fit(Given):
 
 def fit(
     wanted: Fit,
-    resume: bool = False,
     on_epoch: Callable[[EpochReport], None] = lambda report: None,
     on_step: Callable[[int, int], None] = lambda done, steps: None,
 ) -> tuple[Path, Outcome]:
@@ -77,7 +75,7 @@ def fit(
             SplitterLearner(net, frames, settings), frames, chosen, held_out, settings, wanted.out, keep,
             {"start": origin, "datasets": len(wanted.datasets)},
         )  # fmt: skip
-        return weights, train(job, processes, resume, on_epoch, on_step)
+        return weights, train(job, processes, on_epoch, on_step)
 
 
 def _start(wanted: Fit) -> tuple[LightSplitter, str]:
@@ -133,6 +131,6 @@ def fit_published(
 
     identity = {"widths": list(widths)}
     job = Job(FinalLearner(net, frames, settings), frames, chosen, held_out, settings, out, keep, identity)
-    outcome = train(job, Processes(0, 1, find_device(device)), started(out), on_epoch)
+    outcome = train(job, Processes(0, 1, find_device(device)), on_epoch)
     write_json(out / FINISHED, {"errors": outcome.errors, "best_epoch": outcome.best_epoch})
     return weights

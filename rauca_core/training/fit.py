@@ -19,6 +19,7 @@ from ..detect.weights import fetch
 from ..environment.frames import LightFrames, SplitBy
 from ..runtime.cpu_time import counted_in
 from ..runtime.devices import find_device
+from ..runtime.tensor_files import started
 from .detector import Job, OnRound, OnStep, train
 from .measure import CAR, Findings, Score, measure
 from .samples import Samples
@@ -98,7 +99,6 @@ class Fit(Given):
 
 def fit(
     wanted: Fit,
-    resume: bool = False,
     on_round: OnRound = lambda report: None,
     on_step: OnStep = lambda done, steps, loss: None,
 ) -> tuple[Path, Findings]:
@@ -126,8 +126,8 @@ def fit(
         "start": origin,
     }  # fmt: skip
     job = Job(network, samples, chosen, test, settings, wanted.out, identity, device=device)
-    with counted_in(wanted.out, fresh=not resume) as spent:
-        average, findings = train(job, resume, on_round, on_step)
+    with counted_in(wanted.out, fresh=not started(wanted.out)) as spent:
+        average, findings = train(job, on_round, on_step)
     weights = wanted.out / f"{wanted.name}.safetensors"
     card = DetectorCard(
         name=wanted.name,

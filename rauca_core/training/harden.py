@@ -29,7 +29,7 @@ from ..render import TapSettings
 from ..runtime.cpu_time import counted_in
 from ..runtime.devices import find_device
 from ..runtime.folder_lock import alone_in
-from ..runtime.tensor_files import require_same, require_state, started
+from ..runtime.tensor_files import require_same
 from .camouflaged import CamouflagedSamples
 from .detector import Job, train
 from .fit import describe
@@ -105,7 +105,6 @@ OnStep = Callable[[int, int, int, float], None]
 
 def harden(
     wanted: Hardening,
-    resume: bool = False,
     on_test: OnTest = lambda report: None,
     on_step: OnStep = lambda number, done, steps, loss: None,
 ) -> Path:
@@ -120,7 +119,7 @@ def harden(
     origin = origin_of(wanted.detector)
     rounds = _Rounds(wanted, origin)
     with alone_in(wanted.out):
-        _claim(wanted.out, rounds.identity, resume)
+        _claim(wanted.out, rounds.identity)
         target = wanted.out / f"hardened-{origin.card.name}{origin.suffix}"
         if not target.with_suffix(".json").is_file():
             rounds.run(target, on_test, on_step)
@@ -132,11 +131,10 @@ def identity_of(wanted: Hardening) -> dict[str, Any]:
     return _Rounds(wanted, origin_of(wanted.detector)).identity
 
 
-def _claim(out: Path, identity: dict[str, Any], resume: bool) -> None:
+def _claim(out: Path, identity: dict[str, Any]) -> None:
     """Start a folder, or see that it holds this very hardening."""
     record = out / RECORD
-    require_state(out, "hardening", record.is_file(), resume)
-    if not resume:
+    if not record.is_file():
         name, version = FORMAT
         write_json(record, {"format": name, "version": version, "identity": identity})
         return
@@ -264,7 +262,6 @@ class _Rounds:
         rounds = self.settings.rounds
         average, findings = train(
             job,
-            started(folder),
             lambda report: on_test(HardenReport(number, rounds, report)),
             lambda done, steps, loss: on_step(number, done, steps, loss),
         )

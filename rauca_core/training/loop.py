@@ -40,7 +40,6 @@ from ..runtime.tensor_files import (
     Checkpoint,
     load_checkpoint,
     require_same,
-    require_state,
     save_checkpoint,
     started,
 )
@@ -185,12 +184,11 @@ class Run:
 def run_task(
     task: Task[Batch, Tested],
     run: Run,
-    resume: bool = False,
     on_round: Callable[[RoundReport[Tested]], None] = lambda report: None,
     on_step: Callable[[int, int, float], None] = lambda done, steps, loss: None,
     processes: Processes = SINGLE_PROCESS,
 ) -> Tested:
-    """Run or resume a training; returns its last test.
+    """Run a training, or go on with the one in its folder; returns its last test.
 
     Ctrl-C and SIGTERM end the step in progress, write a checkpoint and raise.
 
@@ -198,16 +196,15 @@ def run_task(
         on_step: called with the steps done, all steps, and the loss.
 
     Raises:
-        RaucaError: a folder that holds a run, or none to resume, or another process at work there; a loss or gradient
-            that is not finite, with its step and what was in its batch; a stop.
+        RaucaError: a folder that holds another run, or another process at work there; a loss or gradient that is not
+            finite, with its step and what was in its batch; a stop.
     """
     with alone_in(run.out) if processes.is_main else contextlib.nullcontext():
         # The one that writes decides, and all wait for it: its first checkpoint may be there before another has looked.
-        unlike = processes.any(processes.is_main and started(run.out) != resume)
-        require_state(run.out, "training", resume != unlike, resume)
+        begun = processes.any(processes.is_main and started(run.out))
         keep_large_blocks()
         with threads(run.threads), stop_request() as stop:
-            return _Loop(task, run, on_round, on_step, processes).run(resume, stop)
+            return _Loop(task, run, on_round, on_step, processes).run(begun, stop)
 
 
 @dataclass
@@ -222,9 +219,9 @@ class _Loop(Generic[Batch, Tested]):
     done: int = 0
     losses: list[float] = field(default_factory=list)
 
-    def run(self, resume: bool, stop: StopRequest) -> Tested:
+    def run(self, begun: bool, stop: StopRequest) -> Tested:
         run, tested = self.settings, None
-        if resume:
+        if begun:
             self._restore(load_checkpoint(run.out / CHECKPOINTS))
             if self._round_ends() and self.done in read_ledger(run.out, lambda line: line.integer("step")):
                 self.losses = []
@@ -232,7 +229,7 @@ class _Loop(Generic[Batch, Tested]):
                 tested = self._test()
         elif self.processes.is_main:
             (run.out / LEDGER).unlink(missing_ok=True)  # of a run whose checkpoints somebody removed
-        if not resume and run.test_first:
+        if not begun and run.test_first:
             self._save()
             tested = self._test()
         while self.done < run.steps and not (self._round_ends() and self.task.finished()):

@@ -33,7 +33,7 @@ def run(dataset: Dataset, detector: Any, out: Path, processes: Processes, **chos
     small = {"batch": 2, "map_size": 64, "samples": 2, "lr": 0.03, "beta": 3.0, "pattern_side": 16, "decay": 1.0}
     for steps in (2, 4):
         settings = make_settings(**{**chosen, **small, "steps": steps})
-        run_optimization(dataset, [detector], settings, out, resume=steps == 4, processes=processes)
+        run_optimization(dataset, [detector], settings, out, processes=processes)
     return load_checkpoint(out / CHECKPOINTS).tensors["parameter"].numpy()
 
 

@@ -58,7 +58,7 @@ for moment in [*json.loads(sys.argv[4]), None]:
     if child == 0:
         if moment is not None:
             die_at(*moment)
-        run_optimization(data, [SmallDetector()], chosen, out, resume=started(out))
+        run_optimization(data, [SmallDetector()], chosen, out)
         os._exit(0)
     _, status = os.waitpid(child, 0)
     assert status == (0 if moment is None else signal.SIGKILL), (moment, status)
@@ -140,7 +140,7 @@ def test_a_poisoned_frame_stops_the_run_and_a_mended_one_goes_on(
 
     shutil.rmtree(folder)
     shutil.copytree(tmp_path / "good", folder)
-    run_optimization(dataset, [small_detector], SHORT, out, resume=True)
+    run_optimization(dataset, [small_detector], SHORT, out)
     assert (out / "camouflage.png").read_bytes() == (tmp_path / "whole" / "camouflage.png").read_bytes()
 
 

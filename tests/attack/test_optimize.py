@@ -40,7 +40,7 @@ def test_it_is_the_run_of_the_methods_settings(dataset: Dataset, small_detector:
     chosen = make_settings(**settings_of("fca", steps=4, lr=0.02, **SMALL))
     path = run_optimization(dataset, [small_detector], chosen, tmp_path / "run")
     optimize(dataset, [small_detector], "fca", steps=2, lr=0.02, out=tmp_path / "mine", **SMALL)
-    found = optimize(dataset, [small_detector], "fca", steps=4, lr=0.02, out=tmp_path / "mine", resume=True, **SMALL)
+    found = optimize(dataset, [small_detector], "fca", steps=4, lr=0.02, out=tmp_path / "mine", **SMALL)
     assert found.path == tmp_path / "mine" / "camouflage.json"
     assert found.path.read_bytes() == path.read_bytes()
     assert found.path.with_suffix(".png").read_bytes() == path.with_suffix(".png").read_bytes()

@@ -46,8 +46,8 @@ def settings(**chosen: Any) -> OptimizerSettings:
 def run(dataset: Dataset, small_detector: Any, tmp_path: Path) -> Callable[..., Path]:
     """Optimizes into a folder beside the data set, by the settings that are chosen."""
 
-    def start(out: str = "out", resume: bool = False, on_step: Any = None, **chosen: Any) -> Path:
-        return run_optimization(dataset, [small_detector], settings(**chosen), tmp_path / out, on_step, resume=resume)
+    def start(out: str = "out", on_step: Any = None, **chosen: Any) -> Path:
+        return run_optimization(dataset, [small_detector], settings(**chosen), tmp_path / out, on_step)
 
     return start
 
@@ -102,7 +102,7 @@ def test_resumed_run_ends_in_the_same_bits(run: Any, tmp_path: Path, case: str) 
         run("parts", on_step=cut, **chosen)
     steps: list[int] = []
     parts = tmp_path / "parts"
-    again = run("parts", resume=True, on_step=lambda r: steps.append(r.step), **chosen)
+    again = run("parts", on_step=lambda r: steps.append(r.step), **chosen)
     assert steps == [4, 5, 6, 7, 8]  # the checkpoint was made after step 3
     assert torch.equal(texels(tmp_path / "whole"), texels(parts))
     assert again.with_suffix(".png").read_bytes() == (tmp_path / "whole" / "camouflage.png").read_bytes()
@@ -137,7 +137,7 @@ def test_stop_signal_leaves_a_checkpoint(run: Any, tmp_path: Path, number: signa
             os.kill(os.getpid(), number)
 
     before = signal.getsignal(number)
-    with pytest.raises(RaucaError, match=r"stopped after step 4 of 8.*--resume"):
+    with pytest.raises(RaucaError, match=r"stopped after step 4 of 8.*run the same command again to go on"):
         run(on_step=stop)
     assert signal.getsignal(number) == before
     assert load_checkpoint(tmp_path / "out" / CHECKPOINTS).step == 4
@@ -145,7 +145,7 @@ def test_stop_signal_leaves_a_checkpoint(run: Any, tmp_path: Path, number: signa
     so_far, _ = load_camouflage(tmp_path / "out" / UNFINISHED)
     assert so_far.made["steps"] == 4
     assert not (tmp_path / "out" / "camouflage.json").exists()
-    run(resume=True)
+    run()
     assert not list((tmp_path / "out").glob("unfinished.*"))
     assert len(read_history(tmp_path / "out")) == 8
 
@@ -219,17 +219,14 @@ def test_images_are_moved_before_they_are_reduced(run: Any, monkeypatch: pytest.
 
 def test_wrong_conditions_are_refused(run: Any, small_detector: Any, tmp_path: Path, box_vehicle: Vehicle) -> None:
     out = tmp_path / "out"
-    with pytest.raises(RaucaError, match="no run"):
-        run(resume=True)
     run(steps=1)
-    with pytest.raises(RaucaError, match="go on with --resume, or choose another folder"):
-        run()
     for other, named in (({"lr": 0.5, "seed": 9}, "lr, seed"), ({"natural": Naturalness(feature_cm=50)}, "natural")):
         with pytest.raises(RaucaError, match=f"another {named};"):
-            run(resume=True, **other)
-    run(resume=True, steps=2)
+            run(**other)
+    run(steps=2)
     made = (out / "camouflage.json").read_bytes()
-    run(resume=True, steps=1)  # fewer than were taken: the camouflage as it is
+    with pytest.raises(RaucaError, match="holds a run of 2 steps already; choose another folder for one of 1, or give"):
+        run(steps=1)
     assert (out / "camouflage.json").read_bytes() == made
     with pytest.raises(RaucaError, match="transfer is of rendered frames; drawn views bring their own, drop --light"):
         run("estimated", views="dense", light="transfer")
@@ -251,7 +248,7 @@ def test_a_finished_run_whose_history_is_damaged_is_one_line(run: Any, tmp_path:
     ):
         history.write_text(text)
         with pytest.raises(RaucaError, match=said):
-            run(resume=True, steps=2)
+            run(steps=2)
 
 
 def test_settings_name_what_is_wrong() -> None:
@@ -322,5 +319,5 @@ def test_the_learning_rate_falls_along_half_a_cosine_to_its_share(run: Any) -> N
     assert falling.lr_at(10) == pytest.approx(0.003)
     assert settings().lr_at(7) == 0.03
     run(steps=3, decay=0.0)
-    camouflage, _ = load_camouflage(run(resume=True, steps=6, decay=0.0))  # goes on along the new curve
+    camouflage, _ = load_camouflage(run(steps=6, decay=0.0))  # goes on along the new curve
     assert camouflage.made["steps"] == 6

@@ -81,14 +81,14 @@ def test_a_run_of_windows_is_told_by_its_seed_and_resumes(clips: Dataset, small_
     asked = {**TINY, "window": 2}
     whole = optimize(clips, [small_detector], out=tmp_path / "whole", **asked)
     optimize(clips, [small_detector], out=tmp_path / "parts", **{**asked, "steps": 2})
-    parts = optimize(clips, [small_detector], out=tmp_path / "parts", resume=True, **asked)
+    parts = optimize(clips, [small_detector], out=tmp_path / "parts", **asked)
     np.testing.assert_array_equal(whole.texture, parts.texture)
     losses = [[step["attack"] for step in read_history(tmp_path / name)] for name in ("whole", "parts")]
     assert losses[0] == losses[1]
     stills = optimize(clips, [small_detector], **TINY)
     assert np.abs(stills.texture.astype(int) - whole.texture.astype(int)).max() > 0
     with pytest.raises(RaucaError, match="window"):
-        optimize(clips, [small_detector], out=tmp_path / "parts", resume=True, **{**asked, "window_temperature": 2.0})
+        optimize(clips, [small_detector], out=tmp_path / "parts", **{**asked, "window_temperature": 2.0})
 
 
 def test_mistakes_are_one_line(clips: Dataset, small_detector, tmp_path: Path) -> None:

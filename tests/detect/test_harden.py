@@ -27,7 +27,6 @@ from rauca_core.environment.frames import LightFrames
 from rauca_core.render import MipmappedTexture, TapSettings
 from rauca_core.runtime.distributed import Processes
 from rauca_core.runtime.images import read_image
-from rauca_core.runtime.tensor_files import started
 from rauca_core.training.camouflaged import CamouflagedSamples, read_texels, vary
 from rauca_core.training.harden import Hardening, harden
 from rauca_core.training.measure import Judged
@@ -74,7 +73,7 @@ def attack(data: Dataset, device: torch.device):
         done = folder / "camouflage.json"
         if done.is_file():
             return [done]
-        return [run_optimization(data, [detector], settings, folder, resume=started(folder), processes=processes)]
+        return [run_optimization(data, [detector], settings, folder, processes=processes)]
 
     return run
 
@@ -138,17 +137,15 @@ def test_a_killed_hardening_ends_in_the_same_bits(data: Dataset, noise: Path, tm
             os.kill(os.getpid(), signal.SIGTERM)
 
     parts = hardening(data, tmp_path / "parts", [noise])
-    with pytest.raises(RaucaError, match=r"stopped after step 1; .*--resume"):
+    with pytest.raises(RaucaError, match="stopped after step 1; run the same command again to go on"):
         harden(parts, on_step=terminate)
-    resumed = harden(parts, resume=True)
+    resumed = harden(parts)
     assert digest(resumed) == digest(whole)
     assert digest(whole) != digest(plain)  # an attack inside every step
     _the_result(resumed, noise)
-    with pytest.raises(RaucaError, match=r"parts: holds a hardening; go on with --resume, or choose another folder"):
-        harden(parts)
     with pytest.raises(RaucaError, match=r"holds a hardening with another steps;"):
-        harden(hardening(data, tmp_path / "parts", [noise], steps=3), resume=True)
-    assert digest(harden(parts, resume=True)) == digest(whole)
+        harden(hardening(data, tmp_path / "parts", [noise], steps=3))
+    assert digest(harden(parts)) == digest(whole)
 
 
 def test_on_a_device_a_hardening_ends_as_on_the_cpu(data: Dataset, noise: Path, tmp_path: Path) -> None:
@@ -235,11 +232,9 @@ def test_mistakes_are_told_before_anything_is_done(data: Dataset, noise: Path, t
             harden(replace(good, **changed))
         assert not out.exists() or not any(out.rglob("*.safetensors"))
         assert not (out / "hardening.json").exists()
-    with pytest.raises(RaucaError, match="holds no hardening; start without --resume"):
-        harden(good, resume=True)
     write_json(out / "hardening.json", {"format": "rauca-hardening", "version": 1, "identity": None})
     with pytest.raises(RaucaError, match="holds a hardening with another identity;"):
-        harden(good, resume=True)
+        harden(good)
     for option, value in (("share", 1.0), ("rounds", 0), ("lr", -1.0)):
         with pytest.raises(RaucaError, match=f"{option}: "):
             HardenSettings.make(**{option: value})

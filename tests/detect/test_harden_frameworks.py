@@ -207,7 +207,7 @@ def test_a_killed_hardening_of_a_model_ends_in_the_same_bytes(
     whole = harden(job("whole"))
     with pytest.raises((KeyboardInterrupt, RaucaError)):
         harden(job("parts"), on_step=stop)
-    resumed = harden(job("parts"), resume=True)
+    resumed = harden(job("parts"))
     assert files(whole) == files(resumed)
     assert len(load_detector(named_as(given[kind], whole)).detect(torch.rand(1, 3, SIZE, SIZE))) == 1
     linked = link_weights(whole.parent, tmp_path / "linked")

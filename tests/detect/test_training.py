@@ -156,10 +156,10 @@ def test_a_terminated_run_ends_in_the_same_bits(name, folder, tmp_path, backbone
         if done == 2:
             os.kill(os.getpid(), signal.SIGTERM)
 
-    with pytest.raises(RaucaError, match=r"stopped after step 2; .*--resume"):
+    with pytest.raises(RaucaError, match="stopped after step 2; run the same command again"):
         train(job(name, folder, tmp_path / "parts", backbone, **short), on_step=terminate)
     rest = job(name, folder, tmp_path / "parts", backbone, **short)
-    resumed, _ = train(rest, resume=True)
+    resumed, _ = train(rest)
     assert torch.equal(state(whole), state(resumed))
 
 
@@ -178,9 +178,9 @@ def test_a_round_that_died_in_its_test_is_reported_once(folder, tmp_path, backbo
     class Died(BaseException):
         """As SIGKILL: nothing after it runs."""
 
-    def report(run: Job, resume: bool = False) -> list[tuple[int, float]]:
+    def report(run: Job) -> list[tuple[int, float]]:
         told: list[tuple[int, float]] = []
-        train(run, resume, on_round=lambda r: told.append((r.step, r.loss)))
+        train(run, on_round=lambda r: told.append((r.step, r.loss)))
         return told
 
     def die(_: torch.nn.Module) -> Findings:
@@ -193,8 +193,8 @@ def test_a_round_that_died_in_its_test_is_reported_once(folder, tmp_path, backbo
     with pytest.raises(Died):
         train(dying)
     parts = lambda: job(NAMES[0], folder, tmp_path / "parts", backbone, **lightest)  # noqa: E731
-    assert report(parts(), resume=True) == whole
-    assert report(parts(), resume=True) == []  # finished, and said so before
+    assert report(parts()) == whole
+    assert report(parts()) == []  # finished, and said so before
     lines = (tmp_path / "parts" / "rounds.jsonl").read_text()
     assert lines == (tmp_path / "whole" / "rounds.jsonl").read_text()
 
@@ -267,13 +267,13 @@ def test_a_training_goes_on_with_its_own_classes(folder, tmp_path, backbone, mon
     with pytest.raises(RaucaError, match="stopped after step 1"):
         fit(trucks, on_step=terminate)
     with pytest.raises(RaucaError, match="holds a training with another classes"):
-        fit(dataclasses.replace(trucks, classes=("boat",)), resume=True)
+        fit(dataclasses.replace(trucks, classes=("boat",)))
     with pytest.raises(RaucaError, match="--classes boatt: in no frame to train on; choose among boat, car, truck"):
         fit(dataclasses.replace(trucks, classes=("truck", "boatt")))
     spent = tmp_path / "run" / "cpu.json"
     assert json.loads(spent.read_text())["cpu_minutes"] > 0
     spent.write_text('{"cpu_minutes": 100.0}')
-    path, _ = fit(trucks, resume=True)
+    path, _ = fit(trucks)
     card, *_ = read_card(path.with_suffix(".json"))
     assert card.class_names == ("car", "truck")
     assert 100 <= card.cpu_minutes < 200  # what was spent before the stop counts

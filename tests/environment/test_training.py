@@ -42,9 +42,9 @@ def job(folder: Path, out: Path, **chosen) -> Job:
     return Job(learner, frames, *frames.split("location"), settings, out)
 
 
-def run(work: Job, resume: bool = False, **callbacks) -> Outcome:
+def run(work: Job, **callbacks) -> Outcome:
     with joined_processes() as alone:
-        return train(work, alone, resume, **callbacks)
+        return train(work, alone, **callbacks)
 
 
 def weights(work: Job) -> torch.Tensor:
@@ -100,7 +100,7 @@ def test_a_killed_run_ends_in_the_same_bits(dataset, tmp_path):
     process.wait()
     whole = job(dataset.folder, tmp_path / "whole", epochs=4, schedule="constant")
     rest = job(dataset.folder, tmp_path / "killed", epochs=4, schedule="constant")
-    assert run(rest, resume=True).errors == run(whole).errors
+    assert run(rest).errors == run(whole).errors
     assert torch.equal(weights(whole), weights(rest))
 
 
@@ -193,13 +193,9 @@ def test_a_loss_that_is_not_finite_names_the_frame(dataset, tmp_path):
 
 def test_mistakes_are_named(dataset, tmp_path):
     work = job(dataset.folder, tmp_path / "run", epochs=1)
-    with pytest.raises(RaucaError, match="holds no training; start"):
-        run(work, resume=True)
     run(work)
-    with pytest.raises(RaucaError, match="go on with --resume"):
-        run(work)
     with pytest.raises(RaucaError, match="another seed"):
-        run(job(dataset.folder, tmp_path / "run", epochs=1, seed=5), resume=True)
+        run(job(dataset.folder, tmp_path / "run", epochs=1, seed=5))
     with pytest.raises(RaucaError, match="batch: "):
         ExtractorSettings.make(batch=0)
     with pytest.raises(RaucaError, match=r"^weight_decay: .*finite number, not inf"):

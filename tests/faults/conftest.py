@@ -107,7 +107,7 @@ def goes_on(inputs: Inputs, whole: Whole, tmp_path: Path) -> GoesOn:
     """Runs a job to its end: it leaves what one makes that nothing happens to, and nothing half-written."""
 
     def run(job: Job, out: Path, around: Surroundings = ORDINARY, seen: Path | None = None, data: Path | None = None):
-        words = job.words(replace(inputs, data=data or inputs.data), out, seen)
+        words = job.words(replace(inputs, data=data or inputs.data), out)
         ended = rauca(words, tmp_path / "log", around)
         assert ended.code == 0, ended.said
         assert job.content(seen or out) == whole(job)

@@ -44,7 +44,6 @@ class Job:
         content: what a finished folder holds, equal for equal work.
         reads: it works on a data set.
         detector: the option that names one; "" for none.
-        resumes: it goes on with ``--resume``; else by the same command.
         marks: of the test parameter.
     """
 
@@ -54,18 +53,12 @@ class Job:
     content: Callable[[Path], Content]
     reads: bool = True
     detector: str = ""
-    resumes: bool = False
     marks: tuple[pytest.MarkDecorator, ...] = ()
 
-    def words(self, inputs: Inputs, out: Path, seen: Path | None = None) -> list[str]:
-        """What a user types after ``rauca``, the first time or after a fault: resuming where there is something.
-
-        Args:
-            seen: where we find the folder, if that is not where the job does.
-        """
+    def words(self, inputs: Inputs, out: Path) -> list[str]:
+        """What a user types after ``rauca``, the first time or after a fault."""
         given = [str(inputs.data)] if self.reads else []
         given += [self.detector, str(inputs.detector)] if self.detector else []
-        given += ["--resume"] if self.resumes and ((seen or out) / POINTER).is_file() else []
         return [*self.name.split(), *given, *self.options.split(), "--out", str(out)]
 
 
@@ -137,14 +130,12 @@ OPTIMIZE = Job(
     _pictured,
     _optimized,
     detector="--detector",
-    resumes=True,
 )
 TRAIN = Job(
     "efe train",
     "--epochs 3 --batch 3 --split view --crop 16 --threads 1",
     _epochs,
     _trained,
-    resumes=True,
 )
 EVALUATE = Job(
     "evaluate",

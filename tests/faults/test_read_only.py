@@ -15,7 +15,7 @@ def test_read_only_folder(job: Job, inputs: Inputs, begun: Begun, disk: SmallDis
     begun(job, disk.seen / "out")
     before = files(disk.seen, "**/*")
     disk.remount("ro")
-    complaint = rauca(job.words(inputs, disk.place / "out", disk.seen / "out"), tmp_path / "log", disk.around).complaint
+    complaint = rauca(job.words(inputs, disk.place / "out"), tmp_path / "log", disk.around).complaint
     assert str(disk.place / "out") in complaint
     assert "not writable; choose another output folder" in complaint
     assert files(disk.seen, "**/*") == before

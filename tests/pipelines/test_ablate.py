@@ -9,8 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pipelines.cli import app
-from pipelines.console import progress_bars
-from rauca_core.contract import Dataset, RaucaError, StoppedError
+from rauca_core.contract import Dataset, RaucaError
 from rauca_core.detect.load import resolve
 from rauca_core.study.artifact import read_recipe
 from rauca_core.study.study import load_study
@@ -86,11 +85,3 @@ def test_weights_of_ones_own_are_attacked(tmp_path: Path, drawn_blender: DrawnBl
     made = [read_recipe(folder)[0] for folder in (tmp_path / "data" / "paint").iterdir()]
     assert {tuple(one.options["detectors"]) for one in made} == {("yolov3-tiny",), (f"yolov3-tiny={mine}",)}
     assert len({one.settings["detectors"][0] for one in made}) == 2
-
-
-def test_a_stop_is_told_with_what_goes_on_here() -> None:
-    with (
-        pytest.raises(RaucaError, match=r"^out: stopped after step 4 of 8; run the same command again to go on$"),
-        progress_bars(),
-    ):
-        raise StoppedError("out: stopped after step 4 of 8")

@@ -31,7 +31,7 @@ def test_steps_are_told_line_by_line(
     optimize: Callable[..., int], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert optimize("--steps", "2") == 0
-    assert optimize("--steps", "3", "--resume") == 0
+    assert optimize("--steps", "3") == 0
     told = [parse_optimize_progress(line) for line in capfd.readouterr().out.splitlines()]
     assert [(line.step, line.of) for line in told if line] == [(1, 2), (2, 2), (3, 3)]
     last = told[-1]

@@ -86,9 +86,7 @@ def test_progress_for_programs_is_on_standard_output_and_for_people_beside_it(mo
         assert [parse_progress(line) for line in done.stdout.splitlines()] == expected
 
 
-@pytest.mark.parametrize(
-    ("resumes", "told"), [(True, "run the same command with --resume"), (False, "nothing was kept")]
-)
+@pytest.mark.parametrize(("resumes", "told"), [(True, "run the same command again"), (False, "nothing was kept")])
 def test_an_interruption_promises_no_more_than_is_kept(resumes, told):
     with pytest.raises(RaucaError, match=told), progress_bar("measuring", resumes=resumes):
         raise KeyboardInterrupt

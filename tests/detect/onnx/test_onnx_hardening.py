@@ -161,7 +161,7 @@ def test_a_hardening_of_a_file_ends_in_a_file(exported: Exported, tmp_path: Path
 
     with pytest.raises((KeyboardInterrupt, RaucaError)):
         harden(job("parts"), on_step=stop)
-    resumed = harden(job("parts"), resume=True)
+    resumed = harden(job("parts"))
     assert hashlib.sha256(resumed.read_bytes()).digest() == hashlib.sha256(whole.read_bytes()).digest()
 
 
