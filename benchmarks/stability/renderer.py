@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from scipy import sparse
 from torch import Tensor
 
 from rauca_core.contract import Camera, RaucaError, Vehicle, color
@@ -177,7 +178,8 @@ def _small_gradients(dtype: torch.dtype) -> str:
     x = torch.rand(rows.shape[1], 3).to(dtype).requires_grad_()
     asked = torch.full((rows.shape[0], 3), 1e-7)
     (gradient,) = torch.autograd.grad((rows(x) * asked).sum(), x)
-    wanted = rows.transpose(asked.double())
+    matrix = sparse.csr_array((rows.weights.astype(np.float64), rows.columns, rows.indptr), rows.shape)
+    wanted = torch.from_numpy(matrix.T @ asked.double().numpy())
     reached = wanted > 1e-12
     off = float(((gradient.double() - wanted).abs() / wanted)[reached].max())
     bound = {torch.bfloat16: 4e-3}.get(dtype, 1e-5)

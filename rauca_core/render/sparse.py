@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,7 +26,7 @@ class SparseOperator:
     """A (rows, columns) matrix in compressed rows, applied to colors (columns, 3).
 
     On the CPU, single-threaded numba kernels gather forward and scatter backward: the order of every sum is fixed, so
-    results repeat to the bit. On other devices torch multiplies by the matrix and by its transpose, both built once.
+    results repeat to the bit. On other devices torch adds up in any order.
 
     Attributes:
         indptr: (rows + 1,) int64 start of each row.
@@ -40,35 +38,26 @@ class SparseOperator:
     def __init__(self, indptr: NDArray[np.int64], columns: Ints, weights: NDArray[np.float32], width: int) -> None:
         self.indptr, self.columns, self.weights = indptr, columns, weights
         self.shape = (len(indptr) - 1, width)
-        self._on_device: dict[tuple[torch.device, torch.dtype], tuple[Tensor, Tensor]] = {}
+        self._on_device: dict[torch.device, tuple[Tensor, Tensor, Tensor]] = {}
 
     def __call__(self, values: Tensor) -> Tensor:
         """Multiply: values (columns, 3), float32 or float64 -> (rows, 3)."""
         return apply_many([self], values)
 
-    @cached_property
-    def transpose(self) -> SparseOperator:
-        """The transposed matrix, its rows sorted by column of the original."""
-        counts = np.bincount(self.columns, minlength=self.shape[1])
-        indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-        order = np.argsort(self.columns, kind="stable")
-        row_of = np.repeat(np.arange(self.shape[0], dtype=np.int32), np.diff(self.indptr))
-        return SparseOperator(indptr, row_of[order], self.weights[order], self.shape[0])
+    def placed(self, device: torch.device) -> tuple[Tensor, Tensor, Tensor]:
+        """Every row's entries (rows,), the columns (N,) and the weights (N,) on a device, where they stay.
 
-    def tensors(self, device: torch.device, dtype: torch.dtype) -> tuple[Tensor, Tensor]:
-        """The matrix and its transpose as torch CSR tensors, kept per device."""
-        key = (device, dtype)
-        if key not in self._on_device:
-            ordered = self.transpose.transpose  # torch wants sorted columns; rows are merged in order of visit
-            self._on_device[key] = (ordered._tensor(device, dtype), self.transpose._tensor(device, dtype))
-        return self._on_device[key]
-
-    def _tensor(self, device: torch.device, dtype: torch.dtype) -> Tensor:
-        parts = (torch.from_numpy(self.indptr), torch.from_numpy(self.columns.astype(np.int64)))
-        weights = torch.from_numpy(self.weights).to(dtype)
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Sparse CSR tensor support is in beta", UserWarning)
-            return torch.sparse_csr_tensor(*parts, weights, size=self.shape, device=device, check_invariants=True)
+        That is 8 bytes a tap. A matrix of torch and its transpose have 24, too many for Algorithm 2, which has up to 36
+        million taps a camera on a map of 2048 texels.
+        """
+        if device not in self._on_device:
+            entries, columns, weights = np.diff(self.indptr), self.columns, self.weights
+            self._on_device[device] = (
+                torch.from_numpy(entries).to(device),
+                torch.from_numpy(columns).to(device),
+                torch.from_numpy(weights).to(device),
+            )
+        return self._on_device[device]
 
 
 def apply_many(operators: Sequence[SparseOperator], values: Tensor) -> Tensor:
@@ -99,14 +88,29 @@ class _Numba(torch.autograd.Function):
 class _Torch(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, operators: tuple[SparseOperator, ...], values: Tensor) -> Tensor:
-        ctx.operators = operators
-        return torch.cat([op.tensors(values.device, values.dtype)[0] @ values for op in operators])
+        ctx.operators, ctx.shape = operators, values.shape
+        products = []
+        for operator in operators:
+            rows, columns, weights = _entries(operator, values)
+            product = values.new_zeros(operator.shape[0], CHANNELS)
+            products.append(product.index_add_(0, rows, values[columns] * weights))
+        return torch.cat(products)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[None, Tensor]:
-        parts = gradients[0].split([op.shape[0] for op in ctx.operators])
-        pairs = zip(ctx.operators, parts, strict=True)
-        return None, torch.stack([op.tensors(g.device, g.dtype)[1] @ g for op, g in pairs]).sum(0)
+        result = gradients[0].new_zeros(ctx.shape)
+        parts = gradients[0].split([operator.shape[0] for operator in ctx.operators])
+        for operator, part in zip(ctx.operators, parts, strict=True):
+            rows, columns, weights = _entries(operator, part)
+            result.index_add_(0, columns, part[rows] * weights)
+        return None, result
+
+
+def _entries(operator: SparseOperator, like: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """An operator's N entries on the device of ``like``: rows (N,), columns (N,), and weights (N, 1) in its type."""
+    entries, columns, weights = operator.placed(like.device)
+    rows = torch.repeat_interleave(entries, output_size=len(columns))
+    return rows, columns, weights.to(like)[:, None]
 
 
 def with_rows(values: Tensor) -> Tensor:
