@@ -44,7 +44,7 @@ class RaucaOptimize(bpy.types.PropertyGroup):
         name="Frames a Step", default=4, min=1, max=1024, description="More make a step surer and slower"
     )
     map_size: bpy.props.IntProperty(
-        name="Texture Size", default=1024, min=16, max=8192, subtype="PIXEL", description="Side of the camouflage"
+        name="Texture Size", default=512, min=16, max=8192, subtype="PIXEL", description="Side of the camouflage"
     )
     seed: bpy.props.IntProperty(
         name="Seed", default=0, min=0, description="Another number begins with another random camouflage"
