@@ -18,10 +18,9 @@ from ..contract.vehicle import target_class
 from ..detect import Detector, load_detector
 from ..runtime.devices import keep_large_blocks, threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes, joined_processes
-from ..runtime.folder_lock import alone_in
 from ..runtime.images import read_image
 from ..runtime.stopping import stop_request
-from ..runtime.tensor_files import CHECKPOINTS, load_checkpoint, require_same, started
+from ..runtime.tensor_files import CHECKPOINTS, held_run, load_checkpoint, require_same
 from .ensemble import DetectorEnsemble
 from .history import CURVES, HISTORY, Recorder, StepReport, read_history
 from .methods import method_named, settings_of
@@ -127,9 +126,7 @@ def run_optimization(
             or SIGTERM, after a checkpoint.
     """
     out = Path(out)
-    with alone_in(out) if processes.is_main else contextlib.nullcontext():
-        # The one that writes decides, and all wait for it: its first checkpoint may be there before another has looked.
-        begun = processes.any(processes.is_main and started(out))
+    with held_run(out, processes) as begun:
         if settings.tap_folder is None and not os.access(dataset.folder, os.W_OK):  # a data set on a read-only disk
             settings = settings.model_copy(update={"tap_folder": out / TAPS})
         keep_large_blocks()
@@ -139,14 +136,7 @@ def run_optimization(
             run = Run(dataset, ensemble, settings, processes)
             try:
                 if begun:
-                    checkpoint = load_checkpoint(out / CHECKPOINTS)
-                    require_same(out, "run", checkpoint.identity, run.identity)
-                    if checkpoint.step > settings.steps:
-                        raise RaucaError(
-                            f"{out}: holds a run of {checkpoint.step} steps already; "
-                            f"choose another folder for one of {settings.steps}, or give more"
-                        )
-                    run.restore(checkpoint)
+                    _go_on(run, out)
                 with run.store.warming(run.order.upcoming(), on_view):
                     _loop(run, out, on_step)
             finally:
@@ -161,6 +151,18 @@ def run_optimization(
             for left in (out / UNFINISHED, (out / UNFINISHED).with_suffix(".png")):
                 left.unlink(missing_ok=True)
             return out / "camouflage.json"
+
+
+def _go_on(run: Run, out: Path) -> None:
+    """Go back to the latest checkpoint in ``out``; raises :class:`RaucaError` for one of another or a longer run."""
+    checkpoint, steps = load_checkpoint(out / CHECKPOINTS), run.settings.steps
+    require_same(out, "run", checkpoint.identity, run.identity)
+    if checkpoint.step > steps:
+        raise RaucaError(
+            f"{out}: holds a run of {checkpoint.step} steps already; "
+            f"choose another folder for one of {steps}, or give more"
+        )
+    run.restore(checkpoint)
 
 
 def _loop(run: Run, out: Path, on_step: OnStep | None) -> None:

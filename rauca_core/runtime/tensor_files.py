@@ -6,8 +6,9 @@ and a JSON points at the latest, so that readers never meet a mix.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -21,6 +22,8 @@ from ..contract import RaucaError
 from ..contract.files import sweep_partials, write_bytes, write_json
 from ..contract.reading import read_limited
 from ..contract.schema import read_json
+from .distributed import Processes
+from .folder_lock import alone_in
 
 CHECKPOINTS, POINTER = "checkpoints", "checkpoint.json"
 FORMAT = ("rauca-checkpoint", 2)
@@ -49,6 +52,19 @@ class Checkpoint:
 def started(out: Path) -> bool:
     """Whether the run in ``out`` has a checkpoint."""
     return (out / CHECKPOINTS / POINTER).is_file()
+
+
+@contextlib.contextmanager
+def held_run(out: Path, processes: Processes) -> Iterator[bool]:
+    """Hold the folder of a run that processes share, and tell all of them alike whether it has a checkpoint.
+
+    The one that writes decides, and all wait for it: its first checkpoint may be there before another has looked.
+
+    Raises:
+        RaucaError: another run is at work there, or the folder cannot be written to.
+    """
+    with alone_in(out) if processes.is_main else contextlib.nullcontext():
+        yield processes.any(processes.is_main and started(out))
 
 
 def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:

@@ -13,7 +13,6 @@ and process 0 writes. The device is the task's: the loop moves nothing.
 
 from __future__ import annotations
 
-import contextlib
 import copy
 import json
 import math
@@ -33,15 +32,14 @@ from ..contract.files import append_line
 from ..contract.schema import Fields, whole_lines
 from ..runtime.devices import keep_large_blocks, threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes
-from ..runtime.folder_lock import alone_in
 from ..runtime.stopping import StopRequest, stop_request
 from ..runtime.tensor_files import (
     CHECKPOINTS,
     Checkpoint,
+    held_run,
     load_checkpoint,
     require_same,
     save_checkpoint,
-    started,
 )
 
 LEDGER = "rounds.jsonl"
@@ -199,9 +197,7 @@ def run_task(
         RaucaError: a folder that holds another run, or another process at work there; a loss or gradient that is not
             finite, with its step and what was in its batch; a stop.
     """
-    with alone_in(run.out) if processes.is_main else contextlib.nullcontext():
-        # The one that writes decides, and all wait for it: its first checkpoint may be there before another has looked.
-        begun = processes.any(processes.is_main and started(run.out))
+    with held_run(run.out, processes) as begun:
         keep_large_blocks()
         with threads(run.threads), stop_request() as stop:
             return _Loop(task, run, on_round, on_step, processes).run(begun, stop)

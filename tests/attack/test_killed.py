@@ -32,7 +32,6 @@ import json, os, shutil, signal, sys, torch
 from pathlib import Path
 from benchmarks.stability.detectors import SmallDetector
 from rauca_core.attack import make_settings, run_optimization
-from rauca_core.runtime.tensor_files import started
 from rauca_core.contract import Dataset
 
 torch.set_num_threads(1)
