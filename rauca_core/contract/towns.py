@@ -30,6 +30,7 @@ TEST: Mapping[str, int] = MappingProxyType(
         "patches on the E-Tron": 20_500,
         "whole frames on the E-Tron": 20_503,
         "the headline of the documentation": 20_504,
+        "all methods on the E-Tron": 20_505,
         "crops on the sedan": 20_502,
         "held-out clips": 20_004,
         "batteries, street-seen": 31_600,
