@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -12,7 +14,7 @@ from torch import Tensor
 from rauca_core.detect.batch_norm import freeze_batch_norms
 from rauca_core.detect.frameworks.torchvision_ops import import_torchvision
 from rauca_core.detect.frameworks.transformers_loading import import_transformers
-from rauca_core.detect.nms import corners, detections, generalized_iou
+from rauca_core.detect.nms import box_iou, corners, detections, generalized_iou
 from rauca_core.detect.synth.network import Truth
 from rauca_core.detect.synth.networks import build_network
 
@@ -74,6 +76,47 @@ def test_fewer_proposals_are_padded_with_nothing(two_stage, monkeypatch):
     assert found.boxes.shape == (2, 4, 4)
     assert (found.classes[1, 2:] == 0).all()
     assert ((found.classes > 0).sum(-1) <= 1).all()
+
+
+def test_a_two_stage_network_keeps_to_what_it_said_of_regions_on_no_vehicle(two_stage):
+    images, student = picture(count=2), copy.deepcopy(two_stage).train()
+    vehicles = [
+        Truth(torch.tensor([[4.0, 4, 60, 40]]), torch.tensor([0])),
+        Truth(torch.zeros(0, 4), torch.zeros(0).long()),
+    ]
+
+    def kept(of: list[Truth]) -> Tensor:
+        return student.losses(images, vehicles, two_stage, of)["kept"]
+
+    assert float(kept(vehicles).detach()) == pytest.approx(0, abs=1e-6)
+    assert "kept" not in student.losses(images, vehicles)
+    with torch.no_grad():
+        student.roi_heads.box_predictor.cls_score.bias.add_(torch.tensor([0.0, 0.5, -0.5]))
+        told, frame = two_stage._features(images)
+        proposals, _ = two_stage.rpn(frame, told)
+        before, after = two_stage.dense(images).classes, student.eval().dense(images).classes
+        student.train()
+    count = len(proposals[0])
+    assert count == len(proposals[1]) == before.shape[1] // 2
+    wanted = 0.0
+    for k, truth in enumerate(vehicles):
+        for n in range(count):
+            if any(float(box_iou(proposals[k][n][None], box[None])) > 0.3 for box in truth.boxes):
+                continue
+            p, q = (np.array([0, *found[k, 2 * n : 2 * n + 2].sum(0).tolist()]) for found in (before, after))
+            p[0], q[0] = 1 - p[1:].sum(), 1 - q[1:].sum()
+            wanted += float((p * np.log(p / q)).sum()) / 64 / 2
+    loss = kept(vehicles)
+    assert float(loss.detach()) == pytest.approx(wanted, rel=1e-3)
+    assert 0 < float(loss.detach()) < float(kept([vehicles[1]] * 2).detach())  # without the vehicle more regions count
+    loss.backward()
+    assert float(student.roi_heads.box_predictor.cls_score.bias.grad.abs().sum()) > 0
+    assert not any(p.grad is not None for p in two_stage.parameters())
+    everything = Truth(
+        torch.cat([boxes + torch.tensor([-1e-3, -1e-3, 1e-3, 1e-3]) for boxes in proposals]),
+        torch.zeros(2 * count).long(),
+    )
+    assert float(kept([everything] * 2).detach()) == 0
 
 
 def test_transformer_decodes_as_transformers_does(transformer):

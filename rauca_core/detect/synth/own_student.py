@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from ..interface import DensePredictions, Detector
 from .network import Truth
 from .student_losses import with_kept
+from .two_stage import TwoStage
 
 
 class OwnStudent(nn.Module):
@@ -45,6 +46,12 @@ class OwnStudent(nn.Module):
         return found
 
     def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
-        """The network's own losses, for the vehicles and for all that was found elsewhere before."""
-        found: dict[str, Tensor] = self.network.losses(images, with_kept(self._before[0], images, truths))
+        """The network's own losses, for the vehicles and for all that was found elsewhere before.
+
+        Of Faster R-CNN also ``kept``: what it says of regions on no vehicle, sure of it or not.
+        """
+        before: Any = self._before[0].to(images.device)
+        told = with_kept(before, images, truths)
+        more = (before.network, truths) if isinstance(self.network, TwoStage) else ()
+        found: dict[str, Tensor] = self.network.losses(images, told, *more)
         return found

@@ -13,6 +13,7 @@ from torch.nn.utils.rnn import pad_sequence
 
 from ..frameworks.torchvision_ops import import_torchvision
 from ..interface import DensePredictions
+from ..nms import box_iou
 from .network import CHANNELS, STRIDES, DarknetBackbone, Truth
 
 WIDTH = 96  # of the feature pyramid
@@ -22,6 +23,7 @@ ASPECTS = (0.5, 1.0, 2.0)
 POOLED = 7
 PROPOSALS = 100
 REGIONS = 64  # per image that a step learns from
+NEAR = 0.3  # overlap above which a region is on a vehicle
 
 
 class TwoStage(nn.Module):
@@ -42,16 +44,43 @@ class TwoStage(nn.Module):
         """The convolutions that it begins with."""
         return self.body
 
-    def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
+    def losses(
+        self, images: Tensor, truths: Sequence[Truth], before: TwoStage | None = None, vehicles: Sequence[Truth] = ()
+    ) -> dict[str, Tensor]:
         """The four losses of Faster R-CNN: objectness and box of the proposals, class and box of the regions.
 
         Regions to learn from are drawn by torch's own generator.
+
+        Args:
+            images: (B, 3, H, W) sRGB in [0, 1].
+            truths: B of them, boxes in the images' pixels.
+            before: an earlier state of this network, in evaluation mode. With it there is a fifth loss, ``kept``, see
+                :meth:`_kept`.
+            vehicles: those of the truths that ``kept`` leaves out.
         """
         targets = [{"boxes": t.boxes, "labels": t.labels + 1} for t in truths]  # 0 is torchvision's background
         features, frame = self._features(images)
         proposals, first = self.rpn(frame, features, targets)
         _, second = self.roi_heads(features, proposals, frame.image_sizes, targets)
-        return {**first, **second}
+        kept = {} if before is None else {"kept": self._kept(images, features, before, vehicles)}
+        return {**first, **second, **kept}
+
+    def _kept(self, images: Tensor, features: dict[str, Tensor], before: TwoStage, vehicles: Sequence[Truth]) -> Tensor:
+        """How far this network is from an earlier one in what it says of regions on no vehicle; 0 where they agree.
+
+        Kullback-Leibler's divergence between the classes of both, the background among them, of every region that the
+        earlier one proposes; a region counts as much as in the other losses.
+        """
+        with torch.no_grad():
+            told, frame = before._features(images)
+            proposals, _ = before.rpn(frame, told)
+            elsewhere = [
+                boxes[~(box_iou(boxes, truth.boxes) > NEAR).any(1)]
+                for boxes, truth in zip(proposals, vehicles, strict=True)
+            ]
+            meant = before._said(told, elsewhere, frame)[0].float().log_softmax(-1)
+        said = self._said(features, elsewhere, frame)[0].float().log_softmax(-1)
+        return functional.kl_div(said, meant, reduction="sum", log_target=True) / (REGIONS * len(images))
 
     def dense(self, images: Tensor) -> DensePredictions:
         """Every class of every proposal as a prediction of its own, for each class has a box of its own.
@@ -61,10 +90,8 @@ class TwoStage(nn.Module):
         """
         features, frame = self._features(images)
         proposals, _ = self.rpn(frame, features)
-        heads = self.roi_heads
-        pooled = heads.box_head(heads.box_roi_pool(features, proposals, frame.image_sizes))
-        logits, offsets = heads.box_predictor(pooled)
-        boxes = heads.box_coder.decode(offsets, proposals)[:, 1:]
+        logits, offsets = self._said(features, proposals, frame)
+        boxes = self.roi_heads.box_coder.decode(offsets, proposals)[:, 1:]
         scores = logits.softmax(-1)[:, 1:]
         count = [len(p) for p in proposals]
         # images with fewer proposals are filled up with empty boxes of probability 0
@@ -74,6 +101,13 @@ class TwoStage(nn.Module):
         ]
         ones = [padded[0].new_ones(n * self.classes) for n in count]
         return DensePredictions(padded[0], pad_sequence(ones, batch_first=True), padded[1])
+
+    def _said(self, features: dict[str, Tensor], regions: list[Tensor], frame: Any) -> tuple[Tensor, Tensor]:
+        """Of all regions (K, 4): logits (K, 1 + classes), the background's first, and offsets of each class's box."""
+        heads = self.roi_heads
+        pooled = heads.box_head(heads.box_roi_pool(features, regions, frame.image_sizes))
+        found: tuple[Tensor, Tensor] = heads.box_predictor(pooled)
+        return found
 
     def _features(self, images: Tensor) -> tuple[dict[str, Tensor], Any]:
         image_list = importlib.import_module("torchvision.models.detection.image_list")
