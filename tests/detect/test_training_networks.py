@@ -17,6 +17,8 @@ from rauca_core.detect.frameworks.transformers_loading import import_transformer
 from rauca_core.detect.nms import box_iou, corners, detections, generalized_iou
 from rauca_core.detect.synth.network import Truth
 from rauca_core.detect.synth.networks import build_network
+from rauca_core.detect.synth.student_losses import NEAR
+from rauca_core.detect.synth.two_stage import REGIONS
 
 torch.set_num_threads(1)
 
@@ -101,11 +103,11 @@ def test_a_two_stage_network_keeps_to_what_it_said_of_regions_on_no_vehicle(two_
     wanted = 0.0
     for k, truth in enumerate(vehicles):
         for n in range(count):
-            if any(float(box_iou(proposals[k][n][None], box[None])) > 0.3 for box in truth.boxes):
+            if any(float(box_iou(proposals[k][n][None], box[None])) > NEAR for box in truth.boxes):
                 continue
             p, q = (np.array([0, *found[k, 2 * n : 2 * n + 2].sum(0).tolist()]) for found in (before, after))
             p[0], q[0] = 1 - p[1:].sum(), 1 - q[1:].sum()
-            wanted += float((p * np.log(p / q)).sum()) / 64 / 2
+            wanted += float((p * np.log(p / q)).sum()) / REGIONS / 2
     loss = kept(vehicles)
     assert float(loss.detach()) == pytest.approx(wanted, rel=1e-3)
     assert 0 < float(loss.detach()) < float(kept([vehicles[1]] * 2).detach())  # without the vehicle more regions count

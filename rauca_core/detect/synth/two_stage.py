@@ -15,6 +15,7 @@ from ..frameworks.torchvision_ops import import_torchvision
 from ..interface import DensePredictions
 from ..nms import box_iou
 from .network import CHANNELS, STRIDES, DarknetBackbone, Truth
+from .student_losses import NEAR
 
 WIDTH = 96  # of the feature pyramid
 HIDDEN = 384  # of the head
@@ -23,7 +24,6 @@ ASPECTS = (0.5, 1.0, 2.0)
 POOLED = 7
 PROPOSALS = 100
 REGIONS = 64  # per image that a step learns from
-NEAR = 0.3  # overlap above which a region is on a vehicle
 
 
 class TwoStage(nn.Module):
