@@ -68,8 +68,8 @@ class TwoStage(nn.Module):
     def _kept(self, images: Tensor, features: dict[str, Tensor], before: TwoStage, vehicles: Sequence[Truth]) -> Tensor:
         """How far this network is from an earlier one in what it says of regions on no vehicle; 0 where they agree.
 
-        Kullback-Leibler's divergence between the classes of both, the background among them, of every region that the
-        earlier one proposes; a region counts as much as in the other losses.
+        Kullback-Leibler's divergence between the classes of both, the background among them, summed over all regions
+        that the earlier one proposes and divided by the number of vehicles, as in `student_losses`.
         """
         with torch.no_grad():
             told, frame = before._features(images)
@@ -80,7 +80,8 @@ class TwoStage(nn.Module):
             ]
             meant = before._said(told, elsewhere, frame)[0].float().log_softmax(-1)
         said = self._said(features, elsewhere, frame)[0].float().log_softmax(-1)
-        return functional.kl_div(said, meant, reduction="sum", log_target=True) / (REGIONS * len(images))
+        count = max(1, sum(len(truth.labels) for truth in vehicles))
+        return functional.kl_div(said, meant, reduction="sum", log_target=True) / count
 
     def dense(self, images: Tensor) -> DensePredictions:
         """Every class of every proposal as a prediction of its own, for each class has a box of its own.
