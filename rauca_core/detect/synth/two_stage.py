@@ -15,7 +15,6 @@ from ..frameworks.torchvision_ops import import_torchvision
 from ..interface import DensePredictions
 from ..nms import box_iou
 from .network import CHANNELS, STRIDES, DarknetBackbone, Truth
-from .student_losses import NEAR
 
 WIDTH = 96  # of the feature pyramid
 HIDDEN = 384  # of the head
@@ -69,13 +68,14 @@ class TwoStage(nn.Module):
         """How far this network is from an earlier one in what it says of regions on no vehicle; 0 where they agree.
 
         Kullback-Leibler's divergence between the classes of both, the background among them, summed over all regions
-        that the earlier one proposes and divided by the number of vehicles, as in `student_losses`.
+        that the earlier one proposes and divided by the number of vehicles, as in `student_losses`. Regions that show
+        a part of a vehicle are left out, too: the earlier one does not know what a camouflaged part is of.
         """
         with torch.no_grad():
             told, frame = before._features(images)
             proposals, _ = before.rpn(frame, told)
             elsewhere = [
-                boxes[~(box_iou(boxes, truth.boxes) > NEAR).any(1)]
+                boxes[~(box_iou(boxes, truth.boxes) > 0).any(1)]
                 for boxes, truth in zip(proposals, vehicles, strict=True)
             ]
             meant = before._said(told, elsewhere, frame)[0].float().log_softmax(-1)
