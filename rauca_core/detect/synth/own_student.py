@@ -48,10 +48,13 @@ class OwnStudent(nn.Module):
     def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
         """The network's own losses, for the vehicles and for all that was found elsewhere before.
 
-        Of Faster R-CNN also ``kept``: what it says of regions on no vehicle, sure of it or not.
+        Of Faster R-CNN also ``kept``: what it says of regions that show no part of a vehicle, sure of it or not.
         """
         before: Any = self._before[0].to(images.device)
         told = with_kept(before, images, truths)
-        more = (before.network, truths) if isinstance(self.network, TwoStage) else ()
-        found: dict[str, Tensor] = self.network.losses(images, told, *more)
+        found: dict[str, Tensor]
+        if isinstance(self.network, TwoStage):
+            found = self.network.losses(images, told, before=before.network, vehicles=truths)
+        else:
+            found = self.network.losses(images, told)
         return found
