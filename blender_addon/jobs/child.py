@@ -13,15 +13,20 @@ from bpy.app.translations import pgettext_rpt as rpt
 from ..core import system
 
 
-def child_command(job: Path) -> list[str]:
-    """The command that runs ``headless.main`` on a job's file, under the name that Blender gave the add-on."""
+def child_command(job: Path, threads: int = 0) -> list[str]:
+    """The command that runs ``headless.main`` on a job's file, under the name that Blender gave the add-on.
+
+    Args:
+        threads: of Blender; 0: as many as there are cores.
+    """
     package, root = str(__package__).rpartition(".")[0], str(Path(__file__).resolve().parents[2])
     # Blender finds extensions (bl_ext...) by itself; a checkout must come before an installed copy.
     where = "" if "." in package else f"sys.path.insert(0, {root!r}); "
     code = f"import sys, importlib; {where}sys.exit(importlib.import_module({package + '.headless'!r}).main())"
     if blender := bpy.app.binary_path:
-        return [blender, "-b", "--python-exit-code", "3", "--python-expr", code, "--", str(job)]
-    return [sys.executable, "-c", code, str(job)]
+        limit = ["-t", str(threads)] if threads else []
+        return [blender, "-b", *limit, "--python-exit-code", "3", "--python-expr", code, "--", str(job)]
+    return [sys.executable, "-c", system.with_threads(code, threads), str(job)]
 
 
 # The jobs speak of their command line; here a button is what the user has.

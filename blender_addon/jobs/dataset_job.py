@@ -149,7 +149,7 @@ class _Run:
             self.draft.absolute(), job.out.absolute(), job.scene and job.scene.absolute(), threads, job.device
         )
         contract.save_job(self.order, order)
-        return Crew(child_command(self.order), job.workers, job.recycle)
+        return Crew(child_command(self.order, threads), job.workers, job.recycle)
 
     def _claim(self, held: folder_lock.HeldRange) -> None:
         """Write vehicle and plan where they are missing; the first time, once a worker could build the scene."""

@@ -12,7 +12,7 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from ..contract import Job, Progress, RaucaError, parse_progress, save_job
-from ..contract.system import killed_by
+from ..contract.system import killed_by, with_threads
 from .child_process import ChildProcess
 
 LOG = logging.getLogger(__name__)  # without a handler of the caller's, warnings go to standard error as they are
@@ -21,22 +21,24 @@ LIBRARIES = "libx11-6 libxi6 libxrender1 libxxf86vm1 libxfixes3 libxkbcommon0 li
 """What Blender links to, as Debian's packages."""
 
 
-def blender_command(job: Path, blender: Path | None = None) -> list[str]:
+def blender_command(job: Path, blender: Path | None = None, threads: int = 0) -> list[str]:
     """The command that does the work of a job's file: in ``blender`` if given, else in the bpy wheel.
+
+    Args:
+        threads: of Blender; 0: as many as there are cores.
 
     Raises:
         RaucaError: neither is there.
     """
+    root = str(Path(__file__).resolve().parents[2])
+    code = f"import sys; sys.path.insert(0, {root!r}); from blender_addon import headless; sys.exit(headless.main())"
     if blender is not None:
         if not blender.is_file():
             raise RaucaError(f"{blender}: no such program; give the path of a Blender executable")
-        root = str(Path(__file__).resolve().parents[2])
-        code = (
-            f"import sys; sys.path.insert(0, {root!r}); from blender_addon import headless; sys.exit(headless.main())"
-        )
-        return [str(blender), "-b", "--python-exit-code", "3", "--python-expr", code, "--", str(job)]
+        limit = ["-t", str(threads)] if threads else []
+        return [str(blender), "-b", *limit, "--python-exit-code", "3", "--python-expr", code, "--", str(job)]
     require_bpy("pass --blender PROGRAM")
-    return [sys.executable, "-m", "blender_addon.headless", str(job)]
+    return [sys.executable, "-c", with_threads(code, threads), str(job)]
 
 
 def require_bpy(instead: str = "") -> None:
@@ -71,7 +73,9 @@ def run_blenders(jobs: Sequence[Job], progress: Callable[[Progress], None], blen
         paths = [Path(folder) / f"job-{number}.json" for number in range(len(jobs))]
         for path, job in zip(paths, jobs, strict=True):
             save_job(path, job)
-        run_commands(jobs[0].task, [blender_command(path, blender) for path in paths], progress)
+        threads = [getattr(job, "threads", 0) for job in jobs]
+        commands = [blender_command(path, blender, few) for path, few in zip(paths, threads, strict=True)]
+        run_commands(jobs[0].task, commands, progress)
 
 
 def run_commands(task: str, commands: Sequence[Sequence[str]], progress: Callable[[Progress], None]) -> None:

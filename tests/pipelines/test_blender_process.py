@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 
 from benchmarks.in_blender import open_vehicle
 from rauca_core.contract import ApplyCamouflage, Progress, RaucaError
+from rauca_core.contract.system import cores, with_threads
 from rauca_core.runtime.blender import LIBRARIES, blender_command, reason_of, require_bpy, run_blender, run_blenders
 from tools.system_libraries import PACKAGES
 
@@ -57,6 +59,27 @@ def test_progress_is_that_of_all(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     told: list[Progress] = []
     run_blenders([ApplyCamouflage(tmp_path, tmp_path)] * 2, told.append)
     assert told[-1] == Progress(3, 6, "x", 5.0)
+
+
+@pytest.mark.skipif(cores() < 2, reason="a single core has no threads to leave out")
+def test_blender_has_no_idle_threads_beside_those_it_renders_with() -> None:
+    """They would spin, and slow the process beside it; whatever else the process starts may use every core."""
+    code = "import os, bpy; print(len(os.listdir('/proc/self/task')), len(os.sched_getaffinity(0)))"
+
+    def told(threads: int) -> list[int]:
+        command = [sys.executable, "-c", with_threads(code, threads)]
+        return list(map(int, subprocess.run(command, capture_output=True, check=True, text=True).stdout.split()))
+
+    (few, allowed), (many, all_cores) = told(1), told(0)
+    assert few < many
+    assert allowed == all_cores == cores()
+
+
+def test_a_blender_program_is_told_its_threads(tmp_path: Path) -> None:
+    program = tmp_path / "blender"
+    program.touch()
+    assert blender_command(Path("job.json"), program, 3)[1:4] == ["-b", "-t", "3"]
+    assert "-t" not in blender_command(Path("job.json"), program)
 
 
 def test_a_library_that_the_system_lacks_is_named_with_the_packages_that_bring_it() -> None:
