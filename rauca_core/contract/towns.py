@@ -32,6 +32,7 @@ TEST: Mapping[str, int] = MappingProxyType(
         "the headline of the documentation": 20_504,
         "all methods on the E-Tron": 20_505,
         "number of frames on the sedan": 20_506,
+        "other objects": 20_507,
         "crops on the sedan": 20_502,
         "held-out clips": 20_004,
         "batteries, street-seen": 31_600,
