@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,10 +22,7 @@ def child_command(job: Path, threads: int = 0) -> list[str]:
     # Blender finds extensions (bl_ext...) by itself; a checkout must come before an installed copy.
     where = "" if "." in package else f"sys.path.insert(0, {root!r}); "
     code = f"import sys, importlib; {where}sys.exit(importlib.import_module({package + '.headless'!r}).main())"
-    if blender := bpy.app.binary_path:
-        limit = ["-t", str(threads)] if threads else []
-        return [blender, "-b", *limit, "--python-exit-code", "3", "--python-expr", code, "--", str(job)]
-    return [sys.executable, "-c", system.with_threads(code, threads), str(job)]
+    return system.in_blender(code, job, bpy.app.binary_path, threads)
 
 
 # The jobs speak of their command line; here a button is what the user has.

@@ -9,6 +9,7 @@ import contextlib
 import os
 import signal
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -137,19 +138,24 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def with_threads(code: str, threads: int) -> str:
-    """Python code of a new process, which loads Blender as if it had so many cores; what comes after has every core.
+def in_blender(code: str, job: Path, program: str = "", threads: int = 0) -> list[str]:
+    """The command that runs Python code on a job's file in Blender, without a window.
 
     Blender counts the cores once, for its pool of threads (oneTBB). What is left over of a larger pool waits for the
     thread that renders by asking again and again, and takes up to two fifths of the time from the process beside it.
 
     Args:
-        threads: 0 leaves the code as it is, as does a system without such a limit.
+        program: Blender's; this Python with the bpy wheel if it is empty.
+        threads: of Blender; 0: as many as there are cores.
     """
-    if not threads or not hasattr(os, "sched_setaffinity"):
-        return code
-    few = f"os.sched_setaffinity(0, sorted(cores)[:{threads}])"
-    return f"import os; cores = os.sched_getaffinity(0); {few}; import bpy; os.sched_setaffinity(0, cores); {code}"
+    if program:
+        limit = ["-t", str(threads)] if threads else []
+        return [program, "-b", *limit, "--python-exit-code", "3", "--python-expr", code, "--", str(job)]
+    if threads and hasattr(os, "sched_setaffinity"):  # the wheel has no option: it is loaded as if there were few cores
+        few = f"os.sched_setaffinity(0, sorted(cores)[:{threads}])"
+        load = f"import os; cores = os.sched_getaffinity(0); {few}; import bpy; os.sched_setaffinity(0, cores); "
+        code = load + code
+    return [sys.executable, "-c", code, str(job)]
 
 
 def python_in(environment: Path) -> Path:

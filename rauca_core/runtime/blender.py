@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import logging
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -12,7 +11,7 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from ..contract import Job, Progress, RaucaError, parse_progress, save_job
-from ..contract.system import killed_by, with_threads
+from ..contract.system import in_blender, killed_by
 from .child_process import ChildProcess
 
 LOG = logging.getLogger(__name__)  # without a handler of the caller's, warnings go to standard error as they are
@@ -30,15 +29,13 @@ def blender_command(job: Path, blender: Path | None = None, threads: int = 0) ->
     Raises:
         RaucaError: neither is there.
     """
+    if blender is None:
+        require_bpy("pass --blender PROGRAM")
+    elif not blender.is_file():
+        raise RaucaError(f"{blender}: no such program; give the path of a Blender executable")
     root = str(Path(__file__).resolve().parents[2])
     code = f"import sys; sys.path.insert(0, {root!r}); from blender_addon import headless; sys.exit(headless.main())"
-    if blender is not None:
-        if not blender.is_file():
-            raise RaucaError(f"{blender}: no such program; give the path of a Blender executable")
-        limit = ["-t", str(threads)] if threads else []
-        return [str(blender), "-b", *limit, "--python-exit-code", "3", "--python-expr", code, "--", str(job)]
-    require_bpy("pass --blender PROGRAM")
-    return [sys.executable, "-c", with_threads(code, threads), str(job)]
+    return in_blender(code, job, str(blender or ""), threads)
 
 
 def require_bpy(instead: str = "") -> None:
@@ -73,7 +70,7 @@ def run_blenders(jobs: Sequence[Job], progress: Callable[[Progress], None], blen
         paths = [Path(folder) / f"job-{number}.json" for number in range(len(jobs))]
         for path, job in zip(paths, jobs, strict=True):
             save_job(path, job)
-        threads = [getattr(job, "threads", 0) for job in jobs]
+        threads = [getattr(job, "threads", 0) for job in jobs]  # those that render have them
         commands = [blender_command(path, blender, few) for path, few in zip(paths, threads, strict=True)]
         run_commands(jobs[0].task, commands, progress)
 

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.in_blender import open_vehicle
 from rauca_core.contract import ApplyCamouflage, Progress, RaucaError
-from rauca_core.contract.system import cores, with_threads
+from rauca_core.contract.system import cores, in_blender
 from rauca_core.runtime.blender import LIBRARIES, blender_command, reason_of, require_bpy, run_blender, run_blenders
 from tools.system_libraries import PACKAGES
 
@@ -67,7 +67,7 @@ def test_blender_has_no_idle_threads_beside_those_it_renders_with() -> None:
     code = "import os, bpy; print(len(os.listdir('/proc/self/task')), len(os.sched_getaffinity(0)))"
 
     def told(threads: int) -> list[int]:
-        command = [sys.executable, "-c", with_threads(code, threads)]
+        command = in_blender(code, Path("job.json"), threads=threads)
         return list(map(int, subprocess.run(command, capture_output=True, check=True, text=True).stdout.split()))
 
     (few, allowed), (many, all_cores) = told(1), told(0)
