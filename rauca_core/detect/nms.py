@@ -5,6 +5,7 @@ whose final detections are their dense ones, suppressed.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -142,6 +143,12 @@ def of_queries(found: DensePredictions, score_threshold: float, exclusive: bool,
     ]
 
 
+def clipped(found: Sequence[Detections], images: Tensor) -> list[Detections]:
+    """Detections with their boxes clipped to the images (B, 3, H, W) that they were found in."""
+    limit = images.new_tensor([images.shape[3], images.shape[2]] * 2)
+    return [Detections(one.boxes.clamp(min=0).minimum(limit), one.scores, one.labels) for one in found]
+
+
 class SinglePassDetector(ABC):
     """Checks images, predicts once, suppresses; what an adapter does in another way it overrides.
 
@@ -174,9 +181,7 @@ class SinglePassDetector(ABC):
     def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
         """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
         images = self._checked(images, waits=True)
-        limit = images.new_tensor([images.shape[3], images.shape[2]] * 2)
-        found = self._final(images, score_threshold, iou_threshold)
-        return [Detections(one.boxes.clamp(min=0).minimum(limit), one.scores, one.labels) for one in found]
+        return clipped(self._final(images, score_threshold, iou_threshold), images)
 
     def _final(self, images: Tensor, score_threshold: float, iou_threshold: float) -> list[Detections]:
         """Final detections in checked images."""

@@ -78,7 +78,8 @@ class _Shown:
     """A step's images (B, 3, S, S) with their truths, and the indices of the frames in them.
 
     Attributes:
-        limits: the images in black and in white paint, where an attack inside the step needs them.
+        limits: every other image, from the first on, in black and in white paint (B / 2, 3, S, S), where an attack
+            inside the step needs them.
     """
 
     images: Tensor
@@ -113,7 +114,7 @@ class _DetectorTask(Task[_Shown, Findings]):
         shown = _Shown(images, [s.truth.to(self.device) for s in samples], [i for _, some in drawn for i in some])
         if not self.job.settings.inner_step:
             return shown
-        return replace(shown, limits=(self._painted(step, shown.images, 0.0), self._painted(step, shown.images, 1.0)))
+        return replace(shown, limits=(self._painted(step, 0.0), self._painted(step, 1.0)))
 
     def _draw(self, step: int, number: int, albedo: float | None = None) -> tuple[Sample, list[int]]:
         """An image of a step, the same at every call but for its paint, and the frames in it."""
@@ -121,12 +122,10 @@ class _DetectorTask(Task[_Shown, Findings]):
         shown = rng.choice(self.job.train, 4 if rng.random() < FOUR else 1).tolist()
         return self.job.samples.draw(shown, rng, albedo), shown
 
-    def _painted(self, step: int, images: Tensor, albedo: float) -> Tensor:
-        """Every other image in another paint; the rest as they are, so that nothing can move in them."""
-        painted = images.clone()
-        for number in range(0, len(images), 2):
-            painted[number] = self._draw(step, number, albedo)[0].image.to(self.device)
-        return painted
+    def _painted(self, step: int, albedo: float) -> Tensor:
+        """Every other image in another paint."""
+        numbers = range(0, self.job.settings.batch, 2)
+        return torch.stack([self._draw(step, number, albedo)[0].image for number in numbers]).to(self.device)
 
     def loss(self, batch: _Shown, step: int) -> Tensor:
         settings = self.job.settings
@@ -136,17 +135,20 @@ class _DetectorTask(Task[_Shown, Findings]):
                 if isinstance(module, nn.BatchNorm2d):
                     module.eval()
 
-        def summed(images: Tensor) -> Tensor:
+        def summed(images: Tensor, truths: Sequence[Truth]) -> Tensor:
             with torch.random.fork_rng(devices=[self.device] if self.device.type == "cuda" else []):
                 torch.manual_seed(named_seed(settings.seed, "step", step))
                 with torch.autocast(self.device.type, torch.bfloat16, settings.precision == "bfloat16"):
-                    losses = self.network.losses(images, batch.truths)
+                    losses = self.network.losses(images, truths)
                     return torch.stack([loss.float() for loss in losses.values()]).sum()
 
-        if batch.limits is None:
-            return summed(batch.images)
-        rng = named_rng(settings.seed, "inner attack", step)
-        return summed(attacked(batch.images, *batch.limits, summed, settings.inner_step, rng))
+        images = batch.images
+        if batch.limits is not None:
+            rng = named_rng(settings.seed, "inner attack", step)
+            reach, truths = settings.inner_step, batch.truths[::2]
+            images = images.clone()
+            images[::2] = attacked(images[::2], *batch.limits, lambda seen: summed(seen, truths), reach, rng)
+        return summed(images, batch.truths)
 
     def names(self, batch: _Shown) -> str:
         return ", ".join(sorted({self.job.samples.frames.get(i).name for i in batch.frames}))

@@ -22,7 +22,7 @@ from rauca_core.detect import Detections, Detector, load_detector
 from rauca_core.detect.synth.card import load_network, read_card
 from rauca_core.detect.synth.network import Truth
 from rauca_core.detect.synth.own_student import OwnStudent
-from rauca_core.detect.synth.student_losses import with_kept
+from rauca_core.detect.synth.student_losses import KEPT, with_kept
 from rauca_core.environment.frames import LightFrames
 from rauca_core.render import MipmappedTexture, TapSettings
 from rauca_core.runtime.distributed import Processes
@@ -177,7 +177,7 @@ class Finds:
 
 def test_what_was_found_beside_the_vehicle_is_truth_too() -> None:
     car, nothing = Truth(torch.tensor([[10.0, 10.0, 40.0, 30.0]]), torch.tensor([0])), Truth(torch.zeros(0, 4), LABELS)
-    told, empty = with_kept(Finds(), torch.zeros(2, 3, SIZE, SIZE), [car, nothing])
+    told, empty = with_kept(Finds().detect(torch.zeros(2, 3, SIZE, SIZE), KEPT), [car, nothing])
     assert told.boxes.tolist() == [[10.0, 10.0, 40.0, 30.0], [50.0, 8.0, 60.0, 20.0]]
     assert told.labels.tolist() == [0, 1]
     assert empty.labels.tolist() == [1, 1]  # no vehicle to lie on

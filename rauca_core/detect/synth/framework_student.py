@@ -16,7 +16,7 @@ from torch.nn.modules.batchnorm import _BatchNorm
 
 from ..interface import DensePredictions, Detector
 from .network import Truth
-from .student_losses import with_kept
+from .student_losses import KEPT, with_kept
 
 
 class FrameworkDetector(Detector, Protocol):
@@ -92,7 +92,7 @@ class FrameworkStudent(nn.Module):
 
     def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
         """The framework's losses for the vehicles and for all that was found elsewhere before, in single precision."""
-        told = with_kept(self._held[1], images, truths)
+        told = with_kept(self._held[1].to(images.device).detect(images.detach(), KEPT), truths)
         with torch.autocast(images.device.type, enabled=False):  # their matching asks for it
             return self.detector.losses(images, told)
 

@@ -9,12 +9,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import torch
 from torch import Tensor, nn
 
 from ..interface import DensePredictions, Detector
+from ..nms import clipped, detections
 from .network import Truth
-from .student_losses import with_kept
+from .student_losses import KEPT, with_kept
 from .two_stage import TwoStage
+
+OVERLAP = 0.45  # of what is suppressed, as by `Detector.detect`
 
 
 class OwnStudent(nn.Module):
@@ -51,10 +55,13 @@ class OwnStudent(nn.Module):
         Of Faster R-CNN also ``kept``: what it says of regions that show no part of a vehicle, sure of it or not.
         """
         before: Any = self._before[0].to(images.device)
-        told = with_kept(before, images, truths)
         found: dict[str, Tensor]
         if isinstance(self.network, TwoStage):
-            found = self.network.losses(images, told, before=before.network, vehicles=truths)
+            with torch.no_grad():
+                regions = before.network.regions(images)
+                sure = detections(before.network.predictions(regions), KEPT, OVERLAP)
+            told = with_kept(clipped(sure, images), truths)
+            found = self.network.losses(images, told, before=regions, vehicles=truths)
         else:
-            found = self.network.losses(images, told)
+            found = self.network.losses(images, with_kept(before.detect(images.detach(), KEPT), truths))
         return found

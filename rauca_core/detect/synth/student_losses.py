@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ..interface import DensePredictions, Detections, Detector
+from ..interface import DensePredictions, Detections
 from ..nms import box_iou, generalized_iou
 from .network import Truth
 
@@ -72,16 +72,14 @@ def cross_entropy(probability: Tensor, wanted: Tensor) -> Tensor:
     return least - torch.xlogy(q, p) - torch.xlogy(1 - q, 1 - p)  # torch's own has no slope below 1e-12
 
 
-def with_kept(before: Detector, images: Tensor, truths: Sequence[Truth]) -> list[Truth]:
-    """The vehicles, and all that a detector finds in the images and that lies on none of them.
+def with_kept(found: Sequence[Detections], truths: Sequence[Truth]) -> list[Truth]:
+    """The vehicles, and all that was found in their images and that lies on none of them.
 
     Args:
-        before: the detector as it was.
-        images: (B, 3, H, W) sRGB in [0, 1], on the device to work on.
+        found: by the detector as it was, in B images, with a score of :data:`KEPT` or more.
         truths: B of them, boxes in the images' pixels.
     """
-    said = before.to(images.device).detect(images.detach(), KEPT)
-    return [_beside(truth, found) for truth, found in zip(truths, said, strict=True)]
+    return [_beside(truth, one) for truth, one in zip(truths, found, strict=True)]
 
 
 def _beside(truth: Truth, found: Detections) -> Truth:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -25,6 +26,21 @@ PROPOSALS = 100
 REGIONS = 64  # per image that a step learns from
 
 
+@dataclass(frozen=True, eq=False)
+class Regions:
+    """What a network says of the regions that it proposes in B images.
+
+    Attributes:
+        boxes: B of (K_b, 4), pixels.
+        logits: (sum of K_b, 1 + classes), the background's first.
+        offsets: of each class's box, as torchvision codes them.
+    """
+
+    boxes: list[Tensor]
+    logits: Tensor
+    offsets: Tensor
+
+
 class TwoStage(nn.Module):
     """Faster R-CNN (Ren et al., 2015) with a feature pyramid of three levels.
 
@@ -44,7 +60,7 @@ class TwoStage(nn.Module):
         return self.body
 
     def losses(
-        self, images: Tensor, truths: Sequence[Truth], before: TwoStage | None = None, vehicles: Sequence[Truth] = ()
+        self, images: Tensor, truths: Sequence[Truth], before: Regions | None = None, vehicles: Sequence[Truth] = ()
     ) -> dict[str, Tensor]:
         """The four losses of Faster R-CNN: objectness and box of the proposals, class and box of the regions.
 
@@ -53,48 +69,55 @@ class TwoStage(nn.Module):
         Args:
             images: (B, 3, H, W) sRGB in [0, 1].
             truths: B of them, boxes in the images' pixels.
-            before: an earlier state of this network, in evaluation mode. With it there is a fifth loss, ``kept``, see
-                :meth:`_kept`.
+            before: what an earlier state of this network says of these images. With it there is a fifth loss, ``kept``,
+                see :meth:`_kept`.
             vehicles: those of the truths that ``kept`` leaves out.
         """
         targets = [{"boxes": t.boxes, "labels": t.labels + 1} for t in truths]  # 0 is torchvision's background
         features, frame = self._features(images)
         proposals, first = self.rpn(frame, features, targets)
         _, second = self.roi_heads(features, proposals, frame.image_sizes, targets)
-        kept = {} if before is None else {"kept": self._kept(images, features, before, vehicles)}
+        kept = {} if before is None else {"kept": self._kept(features, frame, before, vehicles)}
         return {**first, **second, **kept}
 
-    def _kept(self, images: Tensor, features: dict[str, Tensor], before: TwoStage, vehicles: Sequence[Truth]) -> Tensor:
+    def _kept(self, features: dict[str, Tensor], frame: Any, before: Regions, vehicles: Sequence[Truth]) -> Tensor:
         """How far this network is from an earlier one in what it says of regions on no vehicle; 0 where they agree.
 
         Kullback-Leibler's divergence between the classes of both, the background among them, summed over all regions
         that the earlier one proposes and divided by the number of vehicles, as in `student_losses`. Regions that show
         a part of a vehicle are left out, too: the earlier one does not know what a camouflaged part is of.
         """
-        with torch.no_grad():
-            told, frame = before._features(images)
-            proposals, _ = before.rpn(frame, told)
-            elsewhere = [
-                boxes[~(box_iou(boxes, truth.boxes) > 0).any(1)]
-                for boxes, truth in zip(proposals, vehicles, strict=True)
-            ]
-            meant = before._said(told, elsewhere, frame)[0].float().log_softmax(-1)
-        said = self._said(features, elsewhere, frame)[0].float().log_softmax(-1)
+        elsewhere = [
+            ~(box_iou(boxes, truth.boxes) > 0).any(1) for boxes, truth in zip(before.boxes, vehicles, strict=True)
+        ]
+        regions = [boxes[free] for boxes, free in zip(before.boxes, elsewhere, strict=True)]
+        meant = before.logits[torch.cat(elsewhere)].float().log_softmax(-1)
+        said = self._said(features, regions, frame)[0].float().log_softmax(-1)
         count = max(1, sum(len(truth.labels) for truth in vehicles))
         return functional.kl_div(said, meant, reduction="sum", log_target=True) / count
 
-    def dense(self, images: Tensor) -> DensePredictions:
-        """Every class of every proposal as a prediction of its own, for each class has a box of its own.
+    def regions(self, images: Tensor) -> Regions:
+        """What the network says of the regions that it proposes; in evaluation mode.
 
-        N is proposals x classes; ``classes`` holds the softmax probability in the prediction's own column and 0
-        elsewhere; the background's share is left out. Where the proposals lie takes no gradient, as in training.
+        Where the proposals lie takes no gradient, as in training.
         """
         features, frame = self._features(images)
         proposals, _ = self.rpn(frame, features)
-        logits, offsets = self._said(features, proposals, frame)
-        boxes = self.roi_heads.box_coder.decode(offsets, proposals)[:, 1:]
-        scores = logits.softmax(-1)[:, 1:]
-        count = [len(p) for p in proposals]
+        return Regions(proposals, *self._said(features, proposals, frame))
+
+    def dense(self, images: Tensor) -> DensePredictions:
+        """Every class of every proposal as a prediction, see :meth:`predictions`."""
+        return self.predictions(self.regions(images))
+
+    def predictions(self, regions: Regions) -> DensePredictions:
+        """Every class of every proposal as a prediction of its own, for each class has a box of its own.
+
+        N is proposals x classes; ``classes`` holds the softmax probability in the prediction's own column and 0
+        elsewhere; the background's share is left out.
+        """
+        boxes = self.roi_heads.box_coder.decode(regions.offsets, regions.boxes)[:, 1:]
+        scores = regions.logits.softmax(-1)[:, 1:]
+        count = [len(p) for p in regions.boxes]
         # images with fewer proposals are filled up with empty boxes of probability 0
         padded = [
             pad_sequence([one.flatten(0, 1) for one in values.split(count)], batch_first=True)
