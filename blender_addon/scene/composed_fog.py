@@ -23,6 +23,9 @@ RADIUS = 2  # of a neighborhood, coarse pixels
 RIDGE = 1.0  # holds the weights near zero, where fog dims and glows and does no more; light in units of its median
 GLOW_RIDGE = 1e-6  # the same for the constant weight, the glow
 FARTHEST_M = 60.0  # of fog looked through: beyond, light comes from the layer's glow whatever lies behind it
+# Display whites that are told apart. The sun's disc has half a million, and a fit that is to explain it as well leaves
+# black holes beside it.
+BRIGHTEST = 4.0
 FEATHER_PX = 12  # over which the rendered vehicle's surroundings turn into the composed ones
 
 Image = NDArray[np.float32]
@@ -50,6 +53,7 @@ def compose(coarse_linear: Image, clear_linear: Image, distance: NDArray[np.floa
         distance: (H, W) metres along the view ray, infinity for sky.
         extinction: of the fog, 1/m.
     """
+    coarse_linear, clear_linear = (np.minimum(image, BRIGHTEST) for image in (coarse_linear, clear_linear))
     height, width = clear_linear.shape[:2]
     unit = max(float(np.median(coarse_linear)), 1e-4)
     seen_through = np.exp(-extinction * np.minimum(distance.astype(np.float64), FARTHEST_M))

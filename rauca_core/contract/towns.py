@@ -33,6 +33,7 @@ TEST: Mapping[str, int] = MappingProxyType(
         "all methods on the E-Tron": 20_505,
         "number of frames on the sedan": 20_506,
         "other objects": 20_507,
+        "the published cameras on the sedan": 20_508,
         "crops on the sedan": 20_502,
         "held-out clips": 20_004,
         "batteries, street-seen": 31_600,

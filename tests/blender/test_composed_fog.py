@@ -42,6 +42,23 @@ def test_black_pictures_and_endless_skies_stay_finite():
     assert composed == pytest.approx(0.3, abs=1e-3)
 
 
+@pytest.mark.parametrize("aside", [-1.0, 0.25, 1.0])
+def test_the_sun_leaves_no_holes_beside_it(aside):
+    """It stands over roofs; the denoiser spreads it in the coarse picture, ``aside`` pixels of it from where it is."""
+    rows, columns = np.mgrid[:128, :96]
+    sky = rows < 44 + columns // 8
+    distance = np.where(sky, np.inf, 30.0)
+    light = np.where(sky, 8.0, 0.1)[..., None] * np.ones(3)
+    clear = light.copy()
+    clear[36:40, 46:49] = 4e5
+    rows, columns = np.mgrid[:32, :24]
+    spread = 1e4 * np.exp(-((rows - 9) ** 2 + (columns - 11.5 + aside) ** 2))
+    coarse = light.reshape(32, 4, 24, 4, 3).mean(axis=(1, 3)) + spread[..., None]
+    composed = composed_fog.compose(coarse.astype(np.float32), clear.astype(np.float32), distance, 0.015)
+    assert composed.min() > 0.09
+    assert composed[36:40, 46:49].min() > 1
+
+
 def test_a_rendered_part_fades_out_except_at_the_frames_border():
     inside = (slice(0, 40), slice(20, 60))
     blended = composed_fog.blend(np.zeros((60, 80, 3), np.float32), np.ones((40, 40, 3), np.float32), inside)
