@@ -45,7 +45,7 @@ def coarse_camera(camera: contract.Camera) -> contract.Camera:
 
 
 def compose(coarse_linear: Image, clear_linear: Image, distance: NDArray[np.floating], extinction: float) -> Image:
-    """The view in fog, (H, W, 3) linear.
+    """The view in fog, (H, W, 3) linear; all that is brighter than :data:`BRIGHTEST` looks alike.
 
     Args:
         coarse_linear: the view in fog by :func:`coarse_camera`, (ceil(H / 4), ceil(W / 4), 3).

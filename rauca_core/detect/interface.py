@@ -11,6 +11,8 @@ from torch import Tensor, nn
 
 from ..contract import RaucaError
 
+OVERLAP = 0.45  # of two boxes of a class, above which the less sure one is suppressed, where nobody says otherwise
+
 
 @dataclass
 class DensePredictions:
@@ -72,7 +74,9 @@ class Detector(Protocol):
         """
         ...
 
-    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
+    def detect(
+        self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = OVERLAP
+    ) -> list[Detections]:
         """Final detections per image after class-wise non-maximum suppression; no gradient.
 
         Raises:

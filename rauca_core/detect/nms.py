@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from ..runtime.kernels import njit
-from .interface import DensePredictions, Detections, check_images, in_type_of
+from .interface import OVERLAP, DensePredictions, Detections, check_images, in_type_of
 
 # Per class. Greedy suppression never looks back: what it keeps among the best 4096 is what a full run keeps there.
 MAX_CANDIDATES = 4096
@@ -178,7 +178,9 @@ class SinglePassDetector(ABC):
         return self._predict(self._checked(images))
 
     @torch.no_grad()  # not inference_mode: a network may keep tables for the next call, dense's perhaps
-    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
+    def detect(
+        self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = OVERLAP
+    ) -> list[Detections]:
         """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
         images = self._checked(images, waits=True)
         return clipped(self._final(images, score_threshold, iou_threshold), images)

@@ -13,7 +13,7 @@ from torch import Tensor
 from ..contract import RaucaError
 from ..runtime.devices import threads
 from .classes import canonical
-from .interface import DensePredictions, Detections, Detector
+from .interface import OVERLAP, DensePredictions, Detections, Detector
 from .nms import suppress
 
 MOST_TOLD = 40  # names in an error's line; LVIS has 1203
@@ -100,7 +100,9 @@ class RenamedDetector:
         )
 
     @torch.no_grad()
-    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
+    def detect(
+        self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = OVERLAP
+    ) -> list[Detections]:
         """Final detections per image; see :class:`rauca_core.detect.Detector`."""
         found = self.detector.detect(images, score_threshold, iou_threshold)
         with threads(1):

@@ -13,7 +13,7 @@ from torch.nn.utils.rnn import pad_sequence
 from ...contract import RaucaError
 from ..families import Resolved
 from ..foreign import changed
-from ..interface import DensePredictions, Detections
+from ..interface import OVERLAP, DensePredictions, Detections
 from ..nms import SinglePassDetector
 from ..synth.network import Truth
 from .checkpoint import fill, fingerprint, read_state
@@ -136,7 +136,9 @@ class TorchvisionDetector(SinglePassDetector):
         return found
 
     @torch.inference_mode()
-    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
+    def detect(
+        self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = OVERLAP
+    ) -> list[Detections]:
         """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
         images = self._checked(images, waits=True)
         detections = []

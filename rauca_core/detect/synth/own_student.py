@@ -12,13 +12,11 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from ..interface import DensePredictions, Detector
+from ..interface import OVERLAP, DensePredictions, Detector
 from ..nms import clipped, detections
 from .network import Truth
 from .student_losses import KEPT, with_kept
 from .two_stage import TwoStage
-
-OVERLAP = 0.45  # of what is suppressed, as by `Detector.detect`
 
 
 class OwnStudent(nn.Module):
