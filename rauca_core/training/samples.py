@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from ..contract.color import linear_to_srgb, srgb_to_linear
+from ..contract.color import srgb_to_linear
 from ..detect.letterbox import PADDING_SRGB
 from ..detect.synth.network import Truth
 from ..environment.frames import LightFrames
+from ..render import linear_to_srgb
 
 CAR_COLORS: tuple[tuple[int, int, int], ...] = (
     (238, 238, 235), (205, 207, 208), (160, 163, 166), (110, 113, 117), (64, 66, 70), (18, 18, 20),
@@ -93,7 +94,7 @@ class Samples:
 
     def plain(self, index: int, rng: np.random.Generator) -> Sample:
         """The whole frame at its own size in a random plain paint, nothing else changed: to test on."""
-        return Sample(srgb(self.painted(index, rng)), self.truth(index))
+        return Sample(linear_to_srgb(self.painted(index, rng)), self.truth(index))
 
     def painted(self, index: int, rng: np.random.Generator) -> Tensor:
         """The frame in a plain paint drawn for it, ``A * albedo + B``: (3, H, W) float32 linear, not clipped."""
@@ -132,7 +133,7 @@ class Samples:
             light = self.frames.get(index)
             linear = light.A.float() * albedo + light.B.float()
         linear = linear * 2.0 ** rng.uniform(-0.8, 0.8)
-        image, truth = srgb(linear), self.truth(index)
+        image, truth = linear_to_srgb(linear), self.truth(index)
         own = image.shape[2]
         if rng.random() < 0.5:
             boxes = truth.boxes
@@ -149,11 +150,6 @@ class Samples:
         x0, y0, x1, y1 = max(0, left), max(0, top), min(side, left + scaled), min(side, top + scaled)
         canvas[:, y0:y1, x0:x1] = image[:, y0 - top : y1 - top, x0 - left : x1 - left]
         return Sample(canvas, _cropped(truth, scale, (left, top), side))
-
-
-def srgb(linear: Tensor) -> Tensor:
-    """Linear light to sRGB in [0, 1], clipped."""
-    return torch.from_numpy(linear_to_srgb(linear.numpy()))
 
 
 def _offset(low: float, high: float, scaled: int, side: int, rng: np.random.Generator) -> int:
