@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-CELLS = (4, 8, 16)  # pixels, one drawn for each step: patches of several sizes
+CELLS = (4, 8, 16, 32, 64)  # pixels, one drawn for each step: from a pattern to a third of the vehicle
 MOVED = 0.5  # share of the cells with paint in them
 
 

@@ -31,12 +31,12 @@ def test_an_image_is_the_same_in_another_paint_but_for_the_paint(tmp_path: Path,
         assert (white.image - drawn.image).amin() > -0.15
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, 4, 11, 21])  # they draw cells of 64, 16, 32, 4 and 8 pixels
 def test_a_step_moves_paint_alone_and_the_loss_grows(seed: int) -> None:
     generator = torch.Generator().manual_seed(seed)
-    images = torch.rand(2, 3, 37, 50, generator=generator) * 0.5 + 0.25
+    images = torch.rand(2, 3, 147, 200, generator=generator) * 0.5 + 0.25
     black, white = images.clone(), images.clone()
-    black[0, :, 10:30, 10:40], white[0, :, 10:30, 10:40] = 0.1, 0.9
+    black[0, :, 30:130, 20:180], white[0, :, 30:130, 20:180] = 0.1, 0.9
     weights = torch.randn(images.shape, generator=generator)
 
     def loss(seen: torch.Tensor) -> torch.Tensor:
@@ -45,8 +45,8 @@ def test_a_step_moves_paint_alone_and_the_loss_grows(seed: int) -> None:
     moved = attacked(images, black, white, loss, 0.3, np.random.default_rng(seed))
     assert torch.equal(moved[1], images[1])
     change = (moved - images)[0].abs().amax(0)
-    inside = torch.zeros(37, 50, dtype=torch.bool)
-    inside[10:30, 10:40] = True
+    inside = torch.zeros(147, 200, dtype=torch.bool)
+    inside[30:130, 20:180] = True
     assert float(change[~inside].max()) == 0
     assert 0.2 < float((change[inside] > 0).float().mean()) < 0.9  # the half of the cells that gain most
     assert float(change.max()) <= 0.3 * 0.8
