@@ -111,6 +111,15 @@ class MeshParts:
         faces = np.stack([i, j, np.roll(j, -1, axis=1), k], axis=-1).reshape(-1, 4)
         self.polygons(material, points, faces, smooth=True)
 
+    def extrusion(self, material: str, profile: ArrayLike, y0: float, y1: float) -> None:
+        """A side view (N, 2), x and z in order around, drawn out across from ``y0`` to ``y1``."""
+        outline = np.asarray(profile, float)
+        n = len(outline)
+        points = np.concatenate([np.insert(outline, 1, y, axis=1) for y in (y0, y1)])
+        i = np.arange(n)
+        self.polygons(material, points, np.stack([i, (i + 1) % n, n + (i + 1) % n, n + i], axis=1))
+        self.polygons(material, points, [i[::-1], i + n])
+
     def to_mesh(self, name: str, materials: dict[str, bpy.types.Material]) -> bpy.types.Mesh:
         """One mesh with a slot per material that was used."""
         faces = [len(c) for c in self._corners]
