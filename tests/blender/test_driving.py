@@ -38,7 +38,7 @@ def test_camera_and_vehicle_stand_where_the_plan_says(box_vehicle: Vehicle):
 def test_blur_is_the_mean_of_the_open_shutter(box_vehicle: Vehicle):
     """And a frame's bytes do not depend on which frame was rendered before."""
     clips = Clips(("crossing",), 3, 10.0, 10.0, 0.05)
-    flat = {"quality": Quality(256, denoise=False, bounces=1), "weathers": (Weather("day", 60.0),)}
+    flat = {"quality": Quality(128, denoise=False, bounces=1), "weathers": (Weather("day", 60.0),)}
     session = session_of(box_vehicle, clips, **flat)
     session.enter(0)
     day = session.plan.weathers[0]
