@@ -34,6 +34,7 @@ TEST: Mapping[str, int] = MappingProxyType(
         "number of frames on the sedan": 20_506,
         "other objects": 20_507,
         "the published cameras on the sedan": 20_508,
+        "light of the environment on the sedan": 20_509,
         "crops on the sedan": 20_502,
         "held-out clips": 20_004,
         "batteries, street-seen": 31_600,
