@@ -31,8 +31,8 @@ class Measures:
 
     Attributes:
         budgets: of the adaptive attacks, in multiples of all steps of the hardening's own attacks.
-        restarts: of each of them; of several the last one begins with the held-out camouflage that still works best,
-            the others with noise. The strongest on training views is worn.
+        restarts: of each of them; of several the last one begins with the held-out camouflage that still works best
+            and leaves its texels free, the others begin with noise in patches. The strongest on training views is worn.
         methods: of the literature, see ``attack.METHODS``, which the hardening never attacks by: a camouflage of each
             is made against the detector as it was.
         vehicles: data sets with light maps of vehicles that the hardening never shows.
@@ -131,12 +131,13 @@ def adaptive_paints(
     if measures.restarts > 1:
         fitting = [one.path for one in held_out if one.record.size == settings.map_size]
         ends[-1] = _best(engine, views, fitting, vehicle, after)
+    free = [end is not None for end in ends]  # patches would blur what was given
     reached: list[Path] = []
     paints: dict[str, Path] = {}
     for budget, done in zip(measures.budgets, (0, *measures.budgets), strict=False):
         label, steps = adaptive_label(budget), (budget - done) * settings.attack_budget
         asked = [
-            attack_settings(settings, label, steps, f"{label}.{number}", taps, begin_with=begun)
+            attack_settings(settings, label, steps, f"{label}.{number}", taps, begin_with=begun, free=free[number])
             for number, begun in enumerate(ends)
         ]
         ends = [folder / CAMOUFLAGE for folder in engine.make(*(recipes.paint(views, one, [after]) for one in asked))]

@@ -35,6 +35,7 @@ def attack_settings(
     method: str = STRONGEST,
     begin_with: Path | None = None,
     turn: int = 0,
+    free: bool = False,
 ) -> OptimizerSettings:
     """Of an attack in a hardening, or of one that measures it.
 
@@ -44,12 +45,13 @@ def attack_settings(
             facets, which are read as Neural Renderer does.
         begin_with: a camouflage to go on from.
         turn: of how many attacks it is, counted from 0: whose patch size it takes.
+        free: leave its texels free in place of patches: those of ``begin_with`` are then what it begins with.
     """
     own = method_named(method).settings
     chosen: dict[str, Any] = {} if own.get("paint") == "facets" else {"samples": settings.samples}
     if paints_texels(method):
         chosen["lr"] = settings.attack_lr
-    if "natural" in own:
+    if "natural" in own and not free:
         patches = settings.attack_patches
         chosen["natural"] = own["natural"].model_copy(update={"feature_cm": patches[turn % len(patches)]})
     if begin_with is not None:

@@ -79,6 +79,16 @@ def test_every_measure_is_made_once_and_recorded(asked, tmp_path: Path, monkeypa
     assert str(found.facts["share of what was learnt"]) in {"100%", "90%", "80%", "70%", "60%", "50%"}
     assert [one["round"] for one in record["rounds"]] == [1, 2]
 
+    # Each budget has an attack in patches, which begins with noise, and one that leaves the held-out one's texels free.
+    paints = tmp_path / "out" / "store" / "paint"
+    options = {
+        label: [load_camouflage(path)[0].made["settings"] for path in paints.glob(f"{label}-*/camouflage.json")]
+        for label in ("adaptive-1x", "adaptive-2x")
+    }
+    begun = {one["natural"]["feature_cm"]: one.get("begin_with") for one in options["adaptive-1x"]}
+    assert begun == {5.0: None, None: file_digest(tmp_path / "held.png")}
+    assert {one["natural"]["feature_cm"] for one in options["adaptive-2x"]} == {5.0, None}
+
     attacks = tmp_path / "out" / "attacks"
     whole = {name: load_camouflage(attacks / name / "camouflage.json")[0].made for name in ("box/method-dta",)}
     assert whole["box/method-dta"]["steps"] == 10  # two rounds of two restarts, of 2 and 3 steps
