@@ -113,9 +113,7 @@ def optimize(
     start: Annotated[
         str | None, attack_option(help="random or plain; of tanh: tanh-unit (FCA's) or tanh-wide (RAUCA-base's)")
     ] = None,
-    begin_with: Annotated[
-        Path | None, typer.Option(help="camouflage .json to begin with, of this vehicle and map size")
-    ] = None,
+    begin_with: Annotated[Path | None, typer.Option(help="camouflage .json to begin with, of this vehicle")] = None,
     limit: Annotated[
         str | None, attack_option(help="keep texels in range by project (ours), clamp (as published) or tanh")
     ] = None,

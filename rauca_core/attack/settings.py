@@ -51,7 +51,7 @@ class OptimizerSettings(Settings):
         start: ``random`` uniform texels, ``plain`` mid grey, or the ``seed`` picture of ``cover`` "panels"; with
             ``limit`` "tanh" also what it is taken of: ``tanh-unit``, uniform in [0, 1] (FCA's code), or ``tanh-wide``,
             in [-3, 3] (RAUCA-base's).
-        begin_with: a camouflage (JSON or PNG) of the same vehicle and map size to begin with, in place of ``start``.
+        begin_with: a camouflage (JSON or PNG) of the same vehicle to begin with, in place of ``start``.
         limit: how texels are kept in [0, 1], see `texture`: ``project``, ``clamp`` (as published) or ``tanh``.
         roa: random output augmentation.
         rest: epochs that a frame is left out for once the detectors do not see the vehicle in it, see `frame_order`.

@@ -19,7 +19,7 @@ from ..contract import RaucaError, load_camouflage
 from ..contract.color import to_bytes
 from ..contract.seeding import named_seed
 from ..render import saturate
-from ..runtime.images import read_image
+from ..render.uv_map import read_uv_map
 from .das import seed_paint
 from .frames import FrameStore
 from .layout import PaintLayout
@@ -146,13 +146,11 @@ def make_texture(store: FrameStore, settings: OptimizerSettings, device: torch.d
 
 
 def _given_texels(store: FrameStore, path: Path) -> Tensor:
-    """(P, 3) sRGB: the paintable texels of a camouflage; raises :class:`RaucaError` where it does not fit."""
+    """(P, 3) sRGB: the paintable texels of a camouflage; raises :class:`RaucaError` where it is another vehicle's."""
     record, image = load_camouflage(path)
     record.check_fits(store.vehicle.atlas_id, str(path))
-    pixels, size = read_image(image), store.pyramid.size
-    if pixels.shape[:2] != (size, size):
-        raise RaucaError(f"{image}: a camouflage to begin with must be as large as the map, {size} x {size} texels")
-    return store.pyramid.from_map(torch.from_numpy(pixels.transpose(2, 0, 1).astype(np.float32) / 255))
+    pixels = read_uv_map(image, store.pyramid.size).transpose(2, 0, 1)
+    return store.pyramid.from_map(torch.from_numpy(pixels.astype(np.float32) / 255))
 
 
 def first_colors(count: int, settings: OptimizerSettings) -> Tensor:

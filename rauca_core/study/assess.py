@@ -267,12 +267,11 @@ def _attack(
     """
     views = battery.attack_views(choice, effort.frames)
     wanted = {"steps": effort.steps, "map_size": MAP_SIZE, "checkpoint_every": 50}
-    fitting = {name: path for name, path in known.items() if load_camouflage(path)[0].size == MAP_SIZE}
     first: dict[str, Path] = {}
-    if fitting:
-        maps = [recipes.camouflage_in(path, name) for name, path in fitting.items()]
+    if known:
+        maps = [recipes.camouflage_in(path, name) for name, path in known.items()]
         (ranked,) = engine.make(recipes.ranking(views, maps, target[1], target[0], choice.target))
-        first["begin_with"] = best_of(ranked, list(fitting.values()))
+        first["begin_with"] = best_of(ranked, list(known.values()))
     runs: list[Path] = []
     for seed in range(effort.runs):
         start = first if seed == 0 else {}  # the others begin with noise

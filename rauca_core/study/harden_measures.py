@@ -129,8 +129,7 @@ def adaptive_paints(
     views, taps = recipes.views_in(data), engine.store.folder / "taps"
     ends: list[Path | None] = [None] * measures.restarts
     if measures.restarts > 1:
-        fitting = [one.path for one in held_out if one.record.size == settings.map_size]
-        ends[-1] = _best(engine, views, fitting, vehicle, after)
+        ends[-1] = _best(engine, views, [one.path for one in held_out], vehicle, after)
     free = [end is not None for end in ends]  # patches would blur what was given
     reached: list[Path] = []
     paints: dict[str, Path] = {}

@@ -83,6 +83,11 @@ def grown_from(out: Path, number: int, restart: int, atlas_id: str) -> Path | No
     return None
 
 
+def given_for(atlas_id: str, camouflages: Sequence[str]) -> Path | None:
+    """The first of some camouflages (JSON) that fits a vehicle."""
+    return next((Path(path) for path in camouflages if load_camouflage(Path(path))[0].atlas_id == atlas_id), None)
+
+
 def hardening(
     options: dict[str, Any], out: Path, machine: Machine, report: Report = lambda progress: None
 ) -> Hardening:
@@ -101,7 +106,10 @@ def hardening(
         return [one_attack(detector, number, restart) for restart in range(settings.attack_restarts)]
 
     def one_attack(detector: Detector, number: int, restart: int) -> Path:
-        """Of several, the last one grows over the rounds, where its method can; the others begin with noise."""
+        """Of several, the last one grows over the rounds, where its method can; the others begin with noise.
+
+        The first round's begins with a given camouflage that fits: its texels are then left free in all rounds.
+        """
         folder, name = attack_folder(out, number, restart), f"round-{number}" + (f".{restart}" if restart else "")
         if (folder / "camouflage.json").is_file():
             return folder / "camouflage.json"
@@ -110,8 +118,9 @@ def hardening(
         dataset = Dataset(attacked[turn % len(attacked)])
         what = (number, restart) if restart else number
         grows = 0 < restart == settings.attack_restarts - 1 and paints_texels(method)
-        begun = grown_from(out, number, restart, dataset.plan.atlas_id) if grows else None
-        chosen = attack_settings(settings, name, length, what, out / "taps", method, begun, turn)
+        given = given_for(dataset.plan.atlas_id, options["camouflages"]) if grows else None
+        begun = (grown_from(out, number, restart, dataset.plan.atlas_id) or given) if grows else None
+        chosen = attack_settings(settings, name, length, what, out / "taps", method, begun, turn, given is not None)
 
         def show(step: StepReport) -> None:
             done = done_before(settings, number) + restart * length + step.step

@@ -9,19 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import RaucaError, load_camouflage
 from ..contract.color import srgb_to_linear
 from ..environment.frames import LightFrames
 from ..render import MipmappedTexture, Pyramid, TapCache, TapSettings
-from ..runtime.images import read_image
+from ..render.uv_map import read_uv_map
 from .samples import Samples, draw_color
 
 VARIED = 0.5  # share of camouflages that are shown in other colors
@@ -110,11 +107,8 @@ class CamouflagedSamples(Samples):
 
 
 def read_texels(image: Path, pyramid: Pyramid) -> Tensor:
-    """The paintable texels (P, 3) linear of a UV map's PNG, resampled to the pyramid's size."""
-    linear: NDArray[Any] = srgb_to_linear(read_image(image).astype(np.float32) / 255).astype(np.float32)
-    if linear.shape[0] != pyramid.size:
-        how = cv2.INTER_AREA if linear.shape[0] > pyramid.size else cv2.INTER_LINEAR
-        linear = cv2.resize(linear, (pyramid.size, pyramid.size), interpolation=how)
+    """The paintable texels (P, 3) linear of a UV map's PNG, at the pyramid's size."""
+    linear = srgb_to_linear(read_uv_map(image, pyramid.size).astype(np.float32) / 255).astype(np.float32)
     return pyramid.from_map(torch.from_numpy(np.ascontiguousarray(linear.transpose(2, 0, 1))))
 
 

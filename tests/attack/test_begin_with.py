@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from PIL import Image
 
 from benchmarks.stability.detectors import SmallDetector
 from rauca_core.attack import DetectorEnsemble, make_settings, random_camouflage, settings_of
@@ -57,11 +58,22 @@ def test_what_it_begins_with_is_part_of_the_identity(given: Path, tmp_path: Path
     assert "begin_with" not in make_settings().identity()
 
 
-def test_what_does_not_fit_is_refused(
-    dataset: Dataset, small_detector: SmallDetector, given: Path, tmp_path: Path, box_vehicle: Vehicle
+@pytest.mark.parametrize("size", [SIDE // 2, 2 * SIDE])
+def test_a_map_of_another_size_is_resampled(
+    dataset: Dataset, small_detector: SmallDetector, tmp_path: Path, box_vehicle: Vehicle, size: int
 ) -> None:
-    random_camouflage(tmp_path / "large.json", box_vehicle, size=2 * SIDE, seed=4, cell=4)
-    with pytest.raises(RaucaError, match=r"large\.png: .* must be as large as the map, 32 x 32 texels"):
-        begun(dataset, small_detector, begin_with=tmp_path / "large.json")
+    # Cells that are whole texels at either size: what is resampled shows the same colors.
+    random_camouflage(tmp_path / "other.json", box_vehicle, size=size, seed=4, cell=size // 4)
+    random_camouflage(tmp_path / "same.json", box_vehicle, size=SIDE, seed=4, cell=SIDE // 4)
+    run = begun(dataset, small_detector, begin_with=tmp_path / "other.json")
+    off = (run.texture.texels().detach() - texels_of(run, tmp_path / "same.json")).abs()
+    assert off.median() < 1 / 255
+    run.close()
+
+
+def test_what_does_not_fit_is_refused(dataset: Dataset, small_detector: SmallDetector, given: Path) -> None:
     with pytest.raises(RaucaError, match="is of texels, not facets"):
         begun(dataset, small_detector, begin_with=given, paint="facets")
+    Image.new("RGB", (SIDE, 2 * SIDE)).save(given.with_suffix(".png"))
+    with pytest.raises(RaucaError, match=r"given\.png: 32x64 pixels; a UV map is a square RGB picture"):
+        begun(dataset, small_detector, begin_with=given)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.stability.detectors import SmallDetector
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import Vehicle, load_camouflage, load_vehicle
@@ -20,6 +21,8 @@ from rauca_core.runtime.images import read_image
 from rauca_core.study.engine import Engine, open_engine
 from rauca_core.study.harden import Hardened, harden
 from rauca_core.study.harden_measures import Measures
+from rauca_core.study.harden_rounds import attack_folder, hardening
+from rauca_core.study.job import Machine
 from rauca_core.training.settings import HardenSettings
 from tests.study.drawn_blender import DrawnBlender, drawn_blender
 from tests.study.page import whole_page
@@ -117,3 +120,25 @@ def test_every_measure_is_made_once_and_recorded(asked, tmp_path: Path, monkeypa
     assert all(words in text for words in ("held-out methods", "held-out vehicle", "adaptive, 1 times the budget"))
     asked()
     assert engines[1].made == Counter()
+
+
+def test_the_attack_that_grows_begins_with_a_given_camouflage(tmp_path: Path, box_vehicle: Vehicle) -> None:
+    data = make_dataset(tmp_path / "box", box_vehicle, 64, SIDES).folder
+    for name in ("given", "second"):
+        random_camouflage(tmp_path / f"{name}.json", load_vehicle(data / "vehicle", read_image), 128, seed=5, cell=8)
+    out, given = tmp_path / "out", [str(tmp_path / f"{name}.json") for name in ("given", "second")]
+    options = {
+        "detector": "frcnn-synth", "datasets": [str(data)], "attacked": [str(data)], "camouflages": given,
+        "settings": TINY, "command": "",
+    }  # fmt: skip
+    attack = hardening(options, out, Machine(threads=1)).attack
+    for number in (1, 2):
+        attack(SmallDetector(), number, attack_folder(out, number, 0))
+    made = [
+        load_camouflage(attack_folder(out, number, restart) / "camouflage.json")[0].made["settings"]
+        for number in (1, 2) for restart in (0, 1)
+    ]  # fmt: skip
+    before = (Path(given[0]), attack_folder(out, 1, 1) / "camouflage.json")
+    digests = [file_digest(path.with_suffix(".png")) for path in before]
+    assert [one.get("begin_with") for one in made] == [None, digests[0], None, digests[1]]
+    assert [one["natural"]["feature_cm"] for one in made] == [5.0, None, 5.0, None]
