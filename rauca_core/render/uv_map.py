@@ -25,5 +25,5 @@ def read_uv_map(image: Path, size: int) -> NDArray[np.uint8]:
     if len(pixels) == size:
         return pixels
     how = cv2.INTER_AREA if len(pixels) > size else cv2.INTER_LINEAR
-    linear = srgb_to_linear(pixels.astype(np.float32) / 255).astype(np.float32)
-    return to_bytes(linear_to_srgb(cv2.resize(linear, (size, size), interpolation=how)))
+    linear = cv2.resize(srgb_to_linear(pixels.astype(np.float32) / 255), (size, size), interpolation=how)
+    return to_bytes(linear_to_srgb(np.asarray(linear, np.float32)))

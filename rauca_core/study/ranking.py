@@ -16,7 +16,7 @@ from ..attack import Renderer
 from ..contract import Dataset, load_camouflage
 from ..contract.schema import Record, read_json
 from ..detect import Detector, class_index
-from ..runtime.images import read_image
+from ..render.uv_map import read_uv_map
 from .average_precision import Sample, best_score
 
 FILE_NAME = "ranking.json"
@@ -35,7 +35,7 @@ def rank_camouflages(
 
     Args:
         data: a data set with light maps.
-        camouflages: of its vehicle, all of one map size.
+        camouflages: of its vehicle; looked up in maps of the largest one's size.
         category: the vehicle's class.
         report: called with how many are done, and of how many.
 
@@ -44,8 +44,10 @@ def rank_camouflages(
     """
     dataset = Dataset(data)
     dataset.require_rendered("camouflages are ranked on")
-    maps = [read_image(load_camouflage(path)[1]) for path in camouflages]
-    render, index = Renderer(dataset, maps[0].shape[0], device=device), class_index(detector, category)
+    loaded = [load_camouflage(path) for path in camouflages]
+    size = max(record.size for record, _ in loaded)
+    maps = [read_uv_map(image, size) for _, image in loaded]
+    render, index = Renderer(dataset, size, device=device), class_index(detector, category)
     means = []
     for done, pixels in enumerate(maps):
         report(done, len(maps))
