@@ -106,9 +106,10 @@ def hardening(
         return [one_attack(detector, number, restart) for restart in range(settings.attack_restarts)]
 
     def one_attack(detector: Detector, number: int, restart: int) -> Path:
-        """Of several, the last one grows over the rounds, where its method can; the others begin with noise.
+        """The last one of a round grows over the rounds, where its method can; the others begin with noise.
 
-        The first round's begins with a given camouflage that fits: its texels are then left free in all rounds.
+        It grows from a given camouflage that fits, whose texels are left free. Without one it grows from noise, and so
+        not where it is the only one.
         """
         folder, name = attack_folder(out, number, restart), f"round-{number}" + (f".{restart}" if restart else "")
         if (folder / "camouflage.json").is_file():
@@ -117,9 +118,9 @@ def hardening(
         method = settings.attack_methods[turn % len(settings.attack_methods)]
         dataset = Dataset(attacked[turn % len(attacked)])
         what = (number, restart) if restart else number
-        grows = 0 < restart == settings.attack_restarts - 1 and paints_texels(method)
-        given = given_for(dataset.plan.atlas_id, options["camouflages"]) if grows else None
-        begun = (grown_from(out, number, restart, dataset.plan.atlas_id) or given) if grows else None
+        last, atlas = restart == settings.attack_restarts - 1 and paints_texels(method), dataset.plan.atlas_id
+        given = given_for(atlas, options["camouflages"]) if last else None
+        begun = (grown_from(out, number, restart, atlas) or given) if last and (restart or given) else None
         chosen = attack_settings(settings, name, length, what, out / "taps", method, begun, turn, given is not None)
 
         def show(step: StepReport) -> None:

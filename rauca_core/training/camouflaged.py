@@ -21,6 +21,7 @@ from ..render import MipmappedTexture, Pyramid, TapCache, TapSettings
 from ..render.uv_map import read_uv_map
 from .samples import Samples, draw_color
 
+NEWEST = 0.5  # share of camouflages that are the last one, which the detector has learnt least of
 VARIED = 0.5  # share of camouflages that are shown in other colors
 FADED = 0.5  # and of these, blended with a plain paint
 FAINTEST = 0.6  # largest weight of the plain paint
@@ -30,7 +31,8 @@ class CamouflagedSamples(Samples):
     """Samples of which a share wears one of the camouflages that fit the frame's vehicle.
 
     Args:
-        camouflages: JSON paths; one that fits no data set's vehicle is an error.
+        camouflages: JSON paths, the newest last; one that fits no data set's vehicle is an error. Of those that fit a
+            vehicle the newest is shown more often than any other.
         taps: folder of tap files, made as needed.
         share: of frames that wear one, where one fits.
         recipe: of the neural renderer; UV maps of another size are resampled, in linear light.
@@ -65,7 +67,7 @@ class CamouflagedSamples(Samples):
         worn = self._texels.get(self._atlas(index), [])
         if not worn or rng.random() >= self._share:
             return super().painted(index, rng)
-        texels = worn[rng.integers(len(worn))]
+        texels = worn[-1] if rng.random() < NEWEST else worn[rng.integers(len(worn))]
         return self._wear(index, vary(texels, rng) if self._varied else texels)
 
     def _wear(self, index: int, texels: Tensor) -> Tensor:

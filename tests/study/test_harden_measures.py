@@ -122,23 +122,28 @@ def test_every_measure_is_made_once_and_recorded(asked, tmp_path: Path, monkeypa
     assert engines[1].made == Counter()
 
 
-def test_the_attack_that_grows_begins_with_a_given_camouflage(tmp_path: Path, box_vehicle: Vehicle) -> None:
+@pytest.mark.parametrize("restarts", [1, 2])
+def test_the_attack_that_grows_begins_with_a_given_camouflage(
+    tmp_path: Path, box_vehicle: Vehicle, restarts: int
+) -> None:
     data = make_dataset(tmp_path / "box", box_vehicle, 64, SIDES).folder
     for name in ("given", "second"):
         random_camouflage(tmp_path / f"{name}.json", load_vehicle(data / "vehicle", read_image), 128, seed=5, cell=8)
     out, given = tmp_path / "out", [str(tmp_path / f"{name}.json") for name in ("given", "second")]
     options = {
         "detector": "frcnn-synth", "datasets": [str(data)], "attacked": [str(data)], "camouflages": given,
-        "settings": TINY, "command": "",
+        "settings": {**TINY, "attack_restarts": restarts}, "command": "",
     }  # fmt: skip
     attack = hardening(options, out, Machine(threads=1)).attack
+    grown = []
     for number in (1, 2):
-        attack(SmallDetector(), number, attack_folder(out, number, 0))
-    made = [
-        load_camouflage(attack_folder(out, number, restart) / "camouflage.json")[0].made["settings"]
-        for number in (1, 2) for restart in (0, 1)
-    ]  # fmt: skip
-    before = (Path(given[0]), attack_folder(out, 1, 1) / "camouflage.json")
-    digests = [file_digest(path.with_suffix(".png")) for path in before]
-    assert [one.get("begin_with") for one in made] == [None, digests[0], None, digests[1]]
-    assert [one["natural"]["feature_cm"] for one in made] == [5.0, None, 5.0, None]
+        *others, last = attack(SmallDetector(), number, attack_folder(out, number, 0))
+        for path in others:
+            made = load_camouflage(path)[0].made["settings"]
+            assert (made.get("begin_with"), made["natural"]["feature_cm"]) == (None, 5.0)
+        assert len(others) == restarts - 1
+        grown.append(last)
+    made = [load_camouflage(path)[0].made["settings"] for path in grown]
+    digests = [file_digest(Path(path).with_suffix(".png")) for path in (given[0], grown[0])]
+    assert [one["begin_with"] for one in made] == digests
+    assert [one["natural"]["feature_cm"] for one in made] == [None, None]
