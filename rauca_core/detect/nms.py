@@ -22,13 +22,20 @@ SMALLEST_UNION = 1e-12  # square pixels: empty boxes overlap nothing
 
 def box_iou(a: Tensor, b: Tensor) -> Tensor:
     """Intersection over union of (..., N, 4) and (..., M, 4) xyxy boxes: (..., N, M); empty boxes overlap nothing."""
+    shared, union = box_shared(a, b), box_area(a)[..., :, None] + box_area(b)[..., None, :]
+    return shared / (union - shared).clamp(min=SMALLEST_UNION)
+
+
+def box_shared(a: Tensor, b: Tensor) -> Tensor:
+    """Area that each of (..., N, 4) xyxy boxes shares with each of (..., M, 4): (..., N, M)."""
     top_left = torch.maximum(a[..., :, None, :2], b[..., None, :, :2])
     bottom_right = torch.minimum(a[..., :, None, 2:], b[..., None, :, 2:])
-    shared = (bottom_right - top_left).clamp(min=0).prod(-1)
-    area_a = (a[..., 2:] - a[..., :2]).clamp(min=0).prod(-1)
-    area_b = (b[..., 2:] - b[..., :2]).clamp(min=0).prod(-1)
-    union = area_a[..., :, None] + area_b[..., None, :] - shared
-    return shared / union.clamp(min=SMALLEST_UNION)
+    return (bottom_right - top_left).clamp(min=0).prod(-1)
+
+
+def box_area(boxes: Tensor) -> Tensor:
+    """(..., 4) xyxy -> (...); 0 of empty boxes."""
+    return (boxes[..., 2:] - boxes[..., :2]).clamp(min=0).prod(-1)
 
 
 def generalized_iou(a: Tensor, b: Tensor) -> Tensor:

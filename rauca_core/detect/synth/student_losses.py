@@ -14,11 +14,14 @@ from torch import Tensor
 from torch.nn import functional
 
 from ..interface import DensePredictions, Detections
-from ..nms import box_iou, generalized_iou
+from ..nms import SMALLEST_UNION, box_area, box_iou, box_shared, generalized_iou
 from .network import Truth
 
 ANSWER = 3  # predictions that answer for a vehicle
 NEAR = 0.3  # overlap above which a prediction is on a vehicle, and is told nothing unless it answers
+# So is one of which that share lies within a vehicle: the network as it was takes camouflaged parts for other things,
+# plants on doors or the ends of small cars, and must not teach them.
+WITHIN = 0.5
 # From this score on what a detector found elsewhere is truth for losses that know objects alone. It was sure of these:
 # taught what it was in doubt of, it sees such things everywhere.
 KEPT = 0.5
@@ -47,9 +50,8 @@ def student_losses(found: DensePredictions, before: DensePredictions, truths: Se
 def image_losses(found: DensePredictions, before: DensePredictions, k: int, truth: Truth) -> dict[str, Tensor]:
     """Sums over the predictions of image ``k``, of parts as in :func:`student_losses`."""
     boxes, objectness, classes = found.boxes[k], found.objectness[k], found.classes[k]
-    overlap = box_iou(boxes.detach(), truth.boxes)  # (N, T)
-    chosen = overlap.topk(min(ANSWER, len(boxes)), 0).indices  # (ANSWER, T)
-    elsewhere = ~(overlap > NEAR).any(1)
+    chosen = box_iou(boxes.detach(), truth.boxes).topk(min(ANSWER, len(boxes)), 0).indices  # (ANSWER, T)
+    elsewhere = ~on_vehicles(boxes.detach(), truth.boxes)
     elsewhere[chosen.flatten()] = False
     said, meant = before.objectness[k][elsewhere], before.classes[k][elsewhere]
     kept = cross_entropy(objectness[elsewhere], said).sum()
@@ -63,6 +65,12 @@ def image_losses(found: DensePredictions, before: DensePredictions, k: int, trut
         "box": BOX_WEIGHT * share * (1 - hulls).sum(),
         "kept": KEEP_WEIGHT * kept,
     }
+
+
+def on_vehicles(boxes: Tensor, vehicles: Tensor) -> Tensor:
+    """Which of (N, 4) boxes are of one of (T, 4) vehicles or show a part of it: (N,) bool."""
+    within = box_shared(boxes, vehicles) / box_area(boxes)[:, None].clamp(min=SMALLEST_UNION)
+    return ((box_iou(boxes, vehicles) > NEAR) | (within > WITHIN)).any(1)
 
 
 def cross_entropy(probability: Tensor, wanted: Tensor) -> Tensor:
@@ -84,5 +92,5 @@ def with_kept(found: Sequence[Detections], truths: Sequence[Truth]) -> list[Trut
 
 def _beside(truth: Truth, found: Detections) -> Truth:
     whole = (found.boxes[:, 2:] - found.boxes[:, :2]).amin(1) >= SMALLEST
-    kept = whole & ~(box_iou(found.boxes, truth.boxes) > NEAR).any(1)
+    kept = whole & ~on_vehicles(found.boxes, truth.boxes)
     return Truth(torch.cat([truth.boxes, found.boxes[kept]]), torch.cat([truth.labels, found.labels[kept]]))
