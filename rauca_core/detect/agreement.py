@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 
 from .found import Found
-from .nms import box_iou
+from .nms import box_iou, share_within
 
 SURE, SEEN, OVERLAP = 0.5, 0.25, 0.5
 INSIDE = 0.5  # of an object's area in the vehicle's box, from which on it is the vehicle, or a part of it
@@ -62,17 +62,13 @@ def agreement_of(pairs: Iterable[tuple[Found, Found, NDArray[np.float64] | None]
 
 def _seen_by(one: Found, other: Found, vehicle: NDArray[np.float64] | None) -> tuple[int, int]:
     """How many of one detector's sure objects in a picture the other one finds, and how many these objects are."""
-    sure = [i for i in np.flatnonzero(one.scores >= SURE) if vehicle is None or _inside(one.boxes[i], vehicle) < INSIDE]
-    if not sure:
+    beside = one.scores >= SURE
+    if vehicle is not None:
+        beside &= (share_within(torch.from_numpy(one.boxes), torch.from_numpy(vehicle)[None]) < INSIDE)[:, 0].numpy()
+    sure = np.flatnonzero(beside)
+    if not len(sure):
         return 0, 0
     seen = np.flatnonzero(other.scores >= SEEN)
     overlaps = box_iou(torch.from_numpy(one.boxes[sure]), torch.from_numpy(other.boxes[seen])).numpy()
     same = np.array([[one.names[i] == other.names[k] for k in seen] for i in sure], bool).reshape(overlaps.shape)
     return int(((overlaps >= OVERLAP) & same).any(1).sum()), len(sure)
-
-
-def _inside(box: NDArray[np.float64], vehicle: NDArray[np.float64]) -> float:
-    """Share of a box that lies in the vehicle's."""
-    low, high = np.maximum(box[:2], vehicle[:2]), np.minimum(box[2:], vehicle[2:])
-    shared, area = np.prod(np.clip(high - low, 0, None)), np.prod(box[2:] - box[:2])
-    return float(shared / area) if area > 0 else 0.0

@@ -22,18 +22,23 @@ SMALLEST_UNION = 1e-12  # square pixels: empty boxes overlap nothing
 
 def box_iou(a: Tensor, b: Tensor) -> Tensor:
     """Intersection over union of (..., N, 4) and (..., M, 4) xyxy boxes: (..., N, M); empty boxes overlap nothing."""
-    shared, union = box_shared(a, b), box_area(a)[..., :, None] + box_area(b)[..., None, :]
+    shared, union = _shared(a, b), _area(a)[..., :, None] + _area(b)[..., None, :]
     return shared / (union - shared).clamp(min=SMALLEST_UNION)
 
 
-def box_shared(a: Tensor, b: Tensor) -> Tensor:
+def share_within(a: Tensor, b: Tensor) -> Tensor:
+    """Share of each of (..., N, 4) xyxy boxes that lies in each of (..., M, 4): (..., N, M); 0 of empty boxes."""
+    return _shared(a, b) / _area(a)[..., :, None].clamp(min=SMALLEST_UNION)
+
+
+def _shared(a: Tensor, b: Tensor) -> Tensor:
     """Area that each of (..., N, 4) xyxy boxes shares with each of (..., M, 4): (..., N, M)."""
     top_left = torch.maximum(a[..., :, None, :2], b[..., None, :, :2])
     bottom_right = torch.minimum(a[..., :, None, 2:], b[..., None, :, 2:])
     return (bottom_right - top_left).clamp(min=0).prod(-1)
 
 
-def box_area(boxes: Tensor) -> Tensor:
+def _area(boxes: Tensor) -> Tensor:
     """(..., 4) xyxy -> (...); 0 of empty boxes."""
     return (boxes[..., 2:] - boxes[..., :2]).clamp(min=0).prod(-1)
 
@@ -42,8 +47,7 @@ def generalized_iou(a: Tensor, b: Tensor) -> Tensor:
     """Of xyxy boxes (..., 4) that broadcast against each other: (...) in [-1, 1] (Rezatofighi et al., 2019)."""
     shared = torch.minimum(a[..., 2:], b[..., 2:]) - torch.maximum(a[..., :2], b[..., :2])
     shared_area = shared.clamp(min=0).prod(-1)
-    area_a, area_b = ((x[..., 2:] - x[..., :2]).clamp(min=0).prod(-1) for x in (a, b))
-    union = (area_a + area_b - shared_area).clamp(min=1e-9)
+    union = (_area(a) + _area(b) - shared_area).clamp(min=1e-9)
     hull = torch.maximum(a[..., 2:], b[..., 2:]) - torch.minimum(a[..., :2], b[..., :2])
     hull_area = hull.clamp(min=0).prod(-1).clamp(min=1e-9)
     return shared_area / union - (hull_area - union) / hull_area

@@ -120,7 +120,8 @@ def hardening(
         what = (number, restart) if restart else number
         last, atlas = restart == settings.attack_restarts - 1 and paints_texels(method), dataset.plan.atlas_id
         given = given_for(atlas, options["camouflages"]) if last else None
-        begun = (grown_from(out, number, restart, atlas) or given) if last and (restart or given) else None
+        grows = last and (restart > 0 or given is not None)
+        begun = grown_from(out, number, restart, atlas) or given if grows else None
         chosen = attack_settings(settings, name, length, what, out / "taps", method, begun, turn, given is not None)
 
         def show(step: StepReport) -> None:

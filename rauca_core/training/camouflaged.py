@@ -110,7 +110,7 @@ class CamouflagedSamples(Samples):
 
 def read_texels(image: Path, pyramid: Pyramid) -> Tensor:
     """The paintable texels (P, 3) linear of a UV map's PNG, at the pyramid's size."""
-    linear = srgb_to_linear(read_uv_map(image, pyramid.size).astype(np.float32) / 255).astype(np.float32)
+    linear = srgb_to_linear(read_uv_map(image, pyramid.size).astype(np.float32) / 255)
     return pyramid.from_map(torch.from_numpy(np.ascontiguousarray(linear.transpose(2, 0, 1))))
 
 

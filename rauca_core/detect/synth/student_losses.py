@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ..interface import DensePredictions, Detections
-from ..nms import SMALLEST_UNION, box_area, box_iou, box_shared, generalized_iou
+from ..nms import box_iou, generalized_iou, share_within
 from .network import Truth
 
 ANSWER = 3  # predictions that answer for a vehicle
@@ -69,8 +69,7 @@ def image_losses(found: DensePredictions, before: DensePredictions, k: int, trut
 
 def on_vehicles(boxes: Tensor, vehicles: Tensor) -> Tensor:
     """Which of (N, 4) boxes are of one of (T, 4) vehicles or show a part of it: (N,) bool."""
-    within = box_shared(boxes, vehicles) / box_area(boxes)[:, None].clamp(min=SMALLEST_UNION)
-    return ((box_iou(boxes, vehicles) > NEAR) | (within > WITHIN)).any(1)
+    return ((box_iou(boxes, vehicles) > NEAR) | (share_within(boxes, vehicles) > WITHIN)).any(1)
 
 
 def cross_entropy(probability: Tensor, wanted: Tensor) -> Tensor:
