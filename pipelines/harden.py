@@ -67,6 +67,10 @@ def harden(
     inner_step: Annotated[
         float, training_option(help="how far an attack inside every training step moves the paint; 0 for none")
     ] = 0.5,
+    beside: Annotated[
+        int,
+        training_option(help="camouflages for each vehicle that learn beside the detector, step by step; 0 for none"),
+    ] = 2,
     agreement: Annotated[
         float, training_option(help="with the detector as it was, on other objects; 0 keeps the weights as they learnt")
     ] = 0.97,
@@ -99,9 +103,9 @@ def harden(
     settings = HardenSettings.make(
         rounds=rounds, steps=steps, attack_steps=attack_steps, attack_growth=attack_growth,
         attack_restarts=attack_restarts, attack_methods=attack_method or None,
-        attack_patches=attack_patch_cm or None, attack_lr=attack_lr, inner_step=inner_step, agreement=agreement,
-        share=share, batch=batch, lr=lr, map_size=map_size, samples=samples, precision=precision, every=every,
-        seed=seed, threads=threads,
+        attack_patches=attack_patch_cm or None, attack_lr=attack_lr, inner_step=inner_step, beside=beside,
+        agreement=agreement, share=share, batch=batch, lr=lr, map_size=map_size, samples=samples, precision=precision,
+        every=every, seed=seed, threads=threads,
     )  # fmt: skip
     times = _times(budgets)
     measures = Measures(times, restarts, tuple(held_out_method or ()), tuple(held_out_vehicle or ()))

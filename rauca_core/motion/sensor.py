@@ -22,6 +22,7 @@ from torch.nn import functional
 from ..contract import RaucaError
 from ..contract.seeding import named_rng
 from ..render import linear_to_srgb
+from ..render.straight_through import straight_through
 from ..runtime.kernels import njit
 
 BANK = 1 << 21  # normal draws, made once; a frame takes a part from a place of its own: drawing anew costs 3 ms
@@ -80,9 +81,9 @@ class Sensor:
             picture = self._exposed(light, seed)
         if self.bits and not (self.bits == 8 and self.jpeg_quality):  # the encoder takes 8 bits itself
             levels = 2**self.bits - 1
-            picture = _straight_through(picture, (picture.detach() * levels).round() / levels)
+            picture = straight_through(picture, (picture.detach() * levels).round() / levels)
         if self.jpeg_quality:
-            picture = _straight_through(picture, _jpeg(picture.detach(), self.jpeg_quality))
+            picture = straight_through(picture, _jpeg(picture.detach(), self.jpeg_quality))
         return picture
 
     def _exposed(self, light: Tensor, seed: int) -> Tensor:
@@ -112,10 +113,6 @@ class Sensor:
         """Standard deviation of the noise, in units of white."""
         variance = light.clamp(min=0.0) / self.full_well + (self.read_noise**2 + DARK_ELECTRONS**2) / self.full_well**2
         return variance.sqrt()
-
-
-def _straight_through(value: Tensor, changed: Tensor) -> Tensor:
-    return value + (changed - value.detach()) if value.requires_grad else changed
 
 
 class _Blur(torch.autograd.Function):

@@ -19,12 +19,11 @@ from ..contract.color import srgb_to_linear
 from ..environment.frames import LightFrames
 from ..render import MipmappedTexture, Pyramid, TapCache, TapSettings
 from ..render.uv_map import read_uv_map
-from .samples import Samples, draw_color
+from .adversary import Adversary, vary
+from .samples import Samples
 
-NEWEST = 0.5  # share of camouflages that are the last one, which the detector has learnt least of
-VARIED = 0.5  # share of camouflages that are shown in other colors
-FADED = 0.5  # and of these, blended with a plain paint
-FAINTEST = 0.6  # largest weight of the plain paint
+BESIDE = 0.6  # share of camouflages that are the adversary's, where there is one
+NEWEST = 0.5  # share of the others that are the last one, which the detector has learnt least of
 
 
 class CamouflagedSamples(Samples):
@@ -38,6 +37,10 @@ class CamouflagedSamples(Samples):
         recipe: of the neural renderer; UV maps of another size are resampled, in linear light.
         varied: also show camouflages in permuted colors and faded, so that no single palette is learnt by heart.
         memory_mb: of taps kept in memory for each data set, MiB.
+
+    Attributes:
+        known: paintable texels (P, 3) linear of the camouflages, by UV atlas.
+        adversary: whose camouflages are shown beside the known ones, if any.
 
     Raises:
         RaucaError: a camouflage that is damaged or fits none of the vehicles.
@@ -60,13 +63,20 @@ class CamouflagedSamples(Samples):
         self._share, self._recipe, self._folder, self._varied = share, recipe, taps, varied
         self._memory = memory_mb * 2**20
         self._caches: dict[int, TapCache] = {}
-        self._texels = self._read(camouflages)
+        self.known = self._read(camouflages)
+        self.adversary: Adversary | None = None
 
     def painted(self, index: int, rng: np.random.Generator) -> Tensor:
-        """The frame in one of the camouflages, or in a plain paint: (3, H, W) float32 linear, not clipped."""
-        worn = self._texels.get(self._atlas(index), [])
+        """The frame in one of the camouflages, or in a plain paint: (3, H, W) float32 linear, not clipped.
+
+        Differentiable in the adversary's texels.
+        """
+        atlas = self._atlas(index)
+        worn = self.known.get(atlas, [])
         if not worn or rng.random() >= self._share:
             return super().painted(index, rng)
+        if self.adversary is not None and rng.random() < BESIDE:
+            return self._wear(index, self.adversary.draw(atlas, rng))
         texels = worn[-1] if rng.random() < NEWEST else worn[rng.integers(len(worn))]
         return self._wear(index, vary(texels, rng) if self._varied else texels)
 
@@ -112,13 +122,3 @@ def read_texels(image: Path, pyramid: Pyramid) -> Tensor:
     """The paintable texels (P, 3) linear of a UV map's PNG, at the pyramid's size."""
     linear = srgb_to_linear(read_uv_map(image, pyramid.size).astype(np.float32) / 255)
     return pyramid.from_map(torch.from_numpy(np.ascontiguousarray(linear.transpose(2, 0, 1))))
-
-
-def vary(texels: Tensor, rng: np.random.Generator) -> Tensor:
-    """The same pattern (P, 3) linear, half the time in permuted colors, and of these half faded into a plain paint."""
-    if rng.random() >= VARIED:
-        return texels
-    texels = texels[:, torch.from_numpy(rng.permutation(3))].contiguous()
-    if rng.random() < FADED:
-        texels = torch.lerp(texels, torch.from_numpy(draw_color(rng)), float(rng.uniform(0, FAINTEST)))
-    return texels

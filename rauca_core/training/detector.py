@@ -14,12 +14,14 @@ from torch import Tensor, nn
 from ..contract.seeding import named_rng, named_seed
 from ..detect.synth.network import Truth
 from ..runtime.devices import find_device
+from .adversary import Adversary
 from .inner_attack import attacked
 from .loop import AveragedCopy, RoundReport, Run, Task, run_task
 from .measure import Findings
-from .samples import FOUR, Sample, Samples
+from .samples import FOUR, Sample, Samples, draw_color
 from .settings import DetectorSettings
 
+ADVERSARY = "adversary."  # what its tensors' names in checkpoints begin with
 OnRound = Callable[[RoundReport[Findings]], None]
 OnStep = Callable[[int, int, float], None]
 
@@ -32,11 +34,14 @@ class Job:
         network: takes square sRGB batches (B, 3, S, S) in [0, 1]. ``losses(images, truths)`` are scalars by name, to be
             summed; ``dense(images)`` are predictions before non-maximum suppression, boxes in pixels; ``backbone`` is
             the pre-trained convolutions, which learn more slowly than the rest.
+        student: the network knows its data already and is to keep what it knows. The statistics of its batch
+            normalization stay as they are, and its losses are ``losses(images, truths, plain)``: with the same pictures
+            in plain paint, to hold it to what it said of these.
+        adversary: whose camouflages ``samples`` shows, and which learns from the same steps.
         samples, train: what to show it: frames by index.
         test: measures a network in evaluation mode, which lies on ``device``.
         out: folder for checkpoints and ``rounds.jsonl``.
         identity: what else a resumed run must share, as JSON.
-        keep_norms: leave the statistics of batch normalization as they are, as for weights that know the data already.
         device: of the network, its losses and its optimizer; images are composed on the CPU.
     """
 
@@ -47,7 +52,8 @@ class Job:
     settings: DetectorSettings
     out: Path
     identity: dict[str, Any] = field(default_factory=dict)
-    keep_norms: bool = False
+    student: bool = False
+    adversary: Adversary | None = None
     device: torch.device | str = "cpu"
 
 
@@ -78,6 +84,7 @@ class _Shown:
     """A step's images (B, 3, S, S) with their truths, and the indices of the frames in them.
 
     Attributes:
+        plain: the images in plain paint, where a student's losses need them.
         limits: every other image, from the first on, in black and in white paint (B / 2, 3, S, S), where an attack
             inside the step needs them.
     """
@@ -85,6 +92,7 @@ class _Shown:
     images: Tensor
     truths: list[Truth]
     frames: list[int]
+    plain: Tensor | None = None
     limits: tuple[Tensor, Tensor] | None = None
 
 
@@ -112,46 +120,70 @@ class _DetectorTask(Task[_Shown, Findings]):
         samples = [sample for sample, _ in drawn]
         images = torch.stack([s.image for s in samples]).to(self.device)
         shown = _Shown(images, [s.truth.to(self.device) for s in samples], [i for _, some in drawn for i in some])
-        if not self.job.settings.inner_step:
-            return shown
-        return replace(shown, limits=(self._painted(step, 0.0), self._painted(step, 1.0)))
+        every = range(self.job.settings.batch)
+        if self.job.student:
+            colors = [draw_color(named_rng(self.job.settings.seed, "plain paint", step, number)) for number in every]
+            shown = replace(shown, plain=self._painted(step, every, [torch.from_numpy(color) for color in colors]))
+        if self.job.settings.inner_step:
+            half = every[::2]
+            black, white = (self._painted(step, half, [torch.full((3,), a)] * len(half)) for a in (0.0, 1.0))
+            shown = replace(shown, limits=(black, white))
+        return shown
 
-    def _draw(self, step: int, number: int, albedo: float | None = None) -> tuple[Sample, list[int]]:
+    def _draw(self, step: int, number: int, paint: Tensor | None = None) -> tuple[Sample, list[int]]:
         """An image of a step, the same at every call but for its paint, and the frames in it."""
         rng = named_rng(self.job.settings.seed, "sight", step, number)
         shown = rng.choice(self.job.train, 4 if rng.random() < FOUR else 1).tolist()
-        return self.job.samples.draw(shown, rng, albedo), shown
+        return self.job.samples.draw(shown, rng, paint), shown
 
-    def _painted(self, step: int, albedo: float) -> Tensor:
-        """Every other image in another paint."""
-        numbers = range(0, self.job.settings.batch, 2)
-        return torch.stack([self._draw(step, number, albedo)[0].image for number in numbers]).to(self.device)
+    @torch.no_grad()
+    def _painted(self, step: int, numbers: Sequence[int], paints: Sequence[Tensor]) -> Tensor:
+        """Images of a step in other paints, (3,) linear albedo each."""
+        images = [self._draw(step, n, paint[:, None, None])[0].image for n, paint in zip(numbers, paints, strict=True)]
+        return torch.stack(images).to(self.device)
 
     def loss(self, batch: _Shown, step: int) -> Tensor:
         settings = self.job.settings
         self.network.train()
-        if self.job.keep_norms:
+        if self.job.student:
             for module in self.network.modules():
                 if isinstance(module, nn.BatchNorm2d):
                     module.eval()
 
-        def summed(images: Tensor, truths: Sequence[Truth]) -> Tensor:
+        def summed(images: Tensor, truths: Sequence[Truth], plain: Tensor | None) -> Tensor:
+            given = (images, truths) if plain is None else (images, truths, plain)
             with torch.random.fork_rng(devices=[self.device] if self.device.type == "cuda" else []):
                 torch.manual_seed(named_seed(settings.seed, "step", step))
                 with torch.autocast(self.device.type, torch.bfloat16, settings.precision == "bfloat16"):
-                    losses = self.network.losses(images, truths)
+                    losses = self.network.losses(*given)
                     return torch.stack([loss.float() for loss in losses.values()]).sum()
 
         images = batch.images
         if batch.limits is not None:
             rng = named_rng(settings.seed, "inner attack", step)
             reach, truths = settings.inner_step, batch.truths[::2]
+            plain = None if batch.plain is None else batch.plain[::2]
             images = images.clone()
-            images[::2] = attacked(images[::2], *batch.limits, lambda seen: summed(seen, truths), reach, rng)
-        return summed(images, batch.truths)
+            images[::2] = attacked(images[::2], *batch.limits, lambda seen: summed(seen, truths, plain), reach, rng)
+        return summed(images, batch.truths, batch.plain)
+
+    def after_step(self, done: int) -> None:
+        if self.job.adversary is not None:
+            self.job.adversary.step(done)
 
     def names(self, batch: _Shown) -> str:
         return ", ".join(sorted({self.job.samples.frames.get(i).name for i in batch.frames}))
+
+    def tensors(self) -> dict[str, Tensor]:
+        adversary = self.job.adversary
+        own = {} if adversary is None else {ADVERSARY + name: value for name, value in adversary.tensors().items()}
+        return super().tensors() | own
+
+    def restore(self, tensors: dict[str, Tensor]) -> None:
+        own = {name: tensors.pop(name) for name in list(tensors) if name.startswith(ADVERSARY)}
+        super().restore(tensors)
+        if self.job.adversary is not None:
+            self.job.adversary.restore({name.removeprefix(ADVERSARY): value for name, value in own.items()})
 
     def test(self, step: int) -> Findings:
         return self.job.test(self.average.network)

@@ -30,6 +30,7 @@ from ..runtime.cpu_time import counted_in
 from ..runtime.devices import find_device
 from ..runtime.folder_lock import alone_in
 from ..runtime.tensor_files import require_same
+from .adversary import Adversary
 from .camouflaged import CamouflagedSamples
 from .detector import Job, train
 from .fit import describe
@@ -253,11 +254,13 @@ class _Rounds:
             dressed = measure(detector, worn, worn_by, self.wanted.score, self.settings.seed, self.device)
             return replace(found, ap50={**found.ap50, WORN: dressed.ap50[ALL]})
 
-        folder = after.parent / "training"
+        folder, samples = after.parent / "training", self.samples(pool)
+        if self.settings.beside:
+            samples.adversary = Adversary(samples.known, self.settings.beside, self.settings.attack_lr, settings.seed)
         job = Job(
-            network, self.samples(pool), self.train, test, settings, folder,
-            {"data": self.frames.digest, "pool": [file_digest(load_camouflage(p)[1]) for p in pool]}, keep_norms=True,
-            device=self.device,
+            network, samples, self.train, test, settings, folder,
+            {"data": self.frames.digest, "pool": [file_digest(load_camouflage(p)[1]) for p in pool]}, student=True,
+            adversary=samples.adversary, device=self.device,
         )  # fmt: skip
         rounds = self.settings.rounds
         average, findings = train(

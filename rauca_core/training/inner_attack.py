@@ -15,6 +15,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from ..render.straight_through import straight_through
+
 CELLS = (4, 8, 16, 32, 64)  # pixels, one drawn for each step: from a pattern to a third of the vehicle
 MOVED = 0.5  # share of the cells with paint in them
 
@@ -35,12 +37,15 @@ def attacked(
         loss: of images; its graph is freed.
         reach: how much of the way to black or white, in [0, 1].
         rng: draws the cells' size and where they begin.
+
+    Returns:
+        Pictures whose gradient goes to ``images``, as if none had moved.
     """
     moving = images.detach().requires_grad_()
     (gradient,) = torch.autograd.grad(loss(moving), moving)
     cell = int(rng.choice(CELLS))
     shift = int(rng.integers(cell)), int(rng.integers(cell))
-    ways = [limit - images for limit in (black, white)]
+    ways = [limit - images.detach() for limit in (black, white)]
     down, up = (_of_cells(gradient * way, cell, shift) for way in ways)
     gain = torch.maximum(down, up).clamp(min=0)
     of_cell = gain.sum(1, keepdim=True)
@@ -49,7 +54,7 @@ def attacked(
     shares = [
         _of_pixels((moves & better).to(images), cell, shift, images.shape[2:]) for better in (down > up, up >= down)
     ]
-    return (images + reach * (shares[0] * ways[0] + shares[1] * ways[1])).detach()
+    return straight_through(images, (images + reach * (shares[0] * ways[0] + shares[1] * ways[1])).detach())
 
 
 def _enough(gains: Tensor) -> Tensor:

@@ -107,6 +107,9 @@ class Task(ABC, Generic[Batch, Tested]):
     def test(self, step: int) -> Tested:
         """Measure the averaged weights, after ``step`` steps."""
 
+    def after_step(self, done: int) -> None:
+        """Called after each step of the optimizer, ``done`` of which were taken."""
+
     def finished(self) -> bool:
         """Asked after a test: whether to stop before the last step."""
         return False
@@ -285,6 +288,7 @@ class _Loop(Generic[Batch, Tested]):
             )
         task.optimizer.step()
         task.average.update(step + 1)
+        task.after_step(step + 1)
         return float(loss.detach())
 
 

@@ -21,6 +21,7 @@ from ..detect.letterbox import PADDING_SRGB
 from ..detect.synth.network import Truth
 from ..environment.frames import LightFrames
 from ..render import linear_to_srgb
+from ..render.straight_through import straight_through
 
 CAR_COLORS: tuple[tuple[int, int, int], ...] = (
     (238, 238, 235), (205, 207, 208), (160, 163, 166), (110, 113, 117), (64, 66, 70), (18, 18, 20),
@@ -102,17 +103,19 @@ class Samples:
         assert box is not None  # LightFrames has none without
         return frame.A.float() * draw_paint(rng, (box[1], box[3]), frame.A.shape[1]) + frame.B.float()
 
-    def draw(self, indices: Sequence[int], rng: np.random.Generator, albedo: float | None = None) -> Sample:
-        """One image of one frame, or of four; see the module.
+    def draw(self, indices: Sequence[int], rng: np.random.Generator, paint: Tensor | None = None) -> Sample:
+        """One image of one frame, or of four; see the module. Differentiable in what :meth:`painted` is.
 
         Args:
-            albedo: of the vehicle's paint, linear, in place of the one that is drawn; nothing else becomes another.
+            paint: the vehicle's, (3, 1, 1) linear albedo, in place of the one that is drawn; nothing else becomes
+                another.
         """
         if len(indices) == 1:
-            found = self._placed(indices[0], self.size, ZOOM, rng, albedo)
+            found = self._placed(indices[0], self.size, ZOOM, rng, paint)
         else:
-            found = _quarters([self._placed(i, self.size // 2, ZOOM_FOUR, rng, albedo) for i in indices])
-        return Sample(torch.from_numpy(_camera(found.image, rng)), found.truth)
+            found = _quarters([self._placed(i, self.size // 2, ZOOM_FOUR, rng, paint) for i in indices])
+        seen = torch.from_numpy(_camera(found.image.detach(), rng))
+        return Sample(straight_through(found.image, seen), found.truth)
 
     def truth(self, index: int) -> Truth:
         """Boxes of the frame's vehicles that have a class."""
@@ -125,13 +128,13 @@ class Samples:
         return Truth(boxes, torch.tensor([label for label, _ in known], dtype=torch.int64))
 
     def _placed(
-        self, index: int, side: int, zooms: tuple[float, float], rng: np.random.Generator, albedo: float | None
+        self, index: int, side: int, zooms: tuple[float, float], rng: np.random.Generator, paint: Tensor | None
     ) -> Sample:
         """The frame scaled by a random zoom into a square of ``side``, mirrored half the time; grey around."""
         linear = self.painted(index, rng)
-        if albedo is not None:
+        if paint is not None:
             light = self.frames.get(index)
-            linear = light.A.float() * albedo + light.B.float()
+            linear = light.A.float() * paint + light.B.float()
         linear = linear * 2.0 ** rng.uniform(-0.8, 0.8)
         image, truth = linear_to_srgb(linear), self.truth(index)
         own = image.shape[2]

@@ -80,6 +80,8 @@ class HardenSettings(Learning):
         attack_methods: whose settings they take, see ``attack.METHODS``, one after the other and by turns.
         attack_patches: diameters in cm of the smallest patch of those of *ours*, by turns.
         attack_batch, attack_lr: of them, see ``attack.OptimizerSettings``.
+        beside: camouflages for each vehicle of the pool that learn beside the detector, see :mod:`.adversary`; 0 for
+            none.
         share: of frames that wear a camouflage, where one fits; the others wear plain paint, as in the first training.
         map_size, samples: of the neural renderer that composes the frames, and of the attack's.
         agreement: share of the objects beside the vehicles on which the result is to agree with the detector as it
@@ -97,6 +99,7 @@ class HardenSettings(Learning):
     attack_patches: tuple[float, ...] = Field((5.0,), min_length=1)
     attack_batch: int = Field(4, ge=1, le=256)
     attack_lr: float = Field(0.03, gt=0, le=1)
+    beside: int = Field(2, ge=0, le=16)
     share: float = Field(0.5, gt=0, lt=1)
     map_size: int = Field(1024, ge=16, le=8192)
     samples: int = Field(12, ge=1, le=16)

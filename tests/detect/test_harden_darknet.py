@@ -41,7 +41,8 @@ def nothing() -> Truth:
 
 
 def test_without_vehicles_there_is_nothing_to_learn(student: DarknetStudent) -> None:
-    losses = student.losses(torch.rand(2, 3, SIZE, SIZE), [nothing(), nothing()])
+    images = torch.rand(2, 3, SIZE, SIZE)
+    losses = student.losses(images, [nothing(), nothing()], images)
     assert all(abs(float(loss.detach())) < 1e-5 for loss in losses.values())
     torch.stack(list(losses.values())).sum().backward()
     assert all(p.grad is None or p.grad.abs().max() < 1e-6 for p in student.parameters())
@@ -54,7 +55,7 @@ def test_it_learns_the_car_and_keeps_the_rest(student: DarknetStudent) -> None:
     adam = torch.optim.Adam(student.parameters(), lr=5e-3)
     history = []
     for _ in range(60):
-        losses = student.losses(images, [car(), nothing()])
+        losses = student.losses(images, [car(), nothing()], images)
         total = torch.stack(list(losses.values())).sum()
         adam.zero_grad()
         total.backward()
@@ -85,10 +86,8 @@ def test_cross_entropy_keeps_its_slope_where_a_camouflage_won(logit: float) -> N
 
 
 def test_a_lost_vehicle_is_taught_and_not_kept_lost() -> None:
-    """Predictions beside the vehicle answer for it, too far off to be on it; those farther away keep to what was.
-
-    What a part of it is taken for is told nothing: a plant that is painted on a door must not be kept.
-    """
+    """Predictions beside the vehicle answer for it, too far off to be on it; all others keep to what was, of which the
+    last is a part of it."""
     boxes = torch.tensor([[[28.0, 20.0, 60.0, 40.0]] * 3 + [[80.0, 80.0, 90.0, 90.0], [14.0, 24.0, 20.0, 30.0]]])
     logits = torch.full((1, 5), -20.0, requires_grad=True)
     classes = torch.full((1, 5, 2), 0.5)
@@ -97,7 +96,16 @@ def test_a_lost_vehicle_is_taught_and_not_kept_lost() -> None:
     (present,) = torch.autograd.grad(losses["present"], logits, retain_graph=True)
     (kept,) = torch.autograd.grad(losses["kept"], logits)
     assert present[0].tolist() == pytest.approx([-1 / 3] * 3 + [0.0, 0.0])
-    assert kept[0].tolist() == pytest.approx([0.0] * 3 + [-0.02, 0.0])
+    assert kept[0].tolist() == pytest.approx([0.0] * 3 + [-0.02, -0.02])
+
+
+def test_what_is_kept_was_said_of_the_plain_picture(student: DarknetStudent) -> None:
+    camouflaged, plain = torch.rand(2, 1, 3, SIZE, SIZE)
+    with torch.no_grad():
+        kept = [float(student.losses(camouflaged, [nothing()], one)["kept"]) for one in (camouflaged, plain)]
+        wanted = cross_entropy(student.dense(camouflaged).objectness, student.dense(plain).objectness).sum()
+    assert kept[0] == pytest.approx(0, abs=1e-5)
+    assert kept[1] > float(wanted) > 1e-3  # classes count beside it
 
 
 def test_published_weights_come_back_as_the_same_detector(tiny_weights: dict[str, Path], tmp_path: Path) -> None:
@@ -114,6 +122,6 @@ def test_published_weights_come_back_as_the_same_detector(tiny_weights: dict[str
     assert (one.objectness * one.classes.amax(-1) - other.objectness * other.classes.amax(-1)).abs().max() < 0.01
     onward, _ = origin.network(path)  # a later round: its own weights, and the first ones to keep to
     assert isinstance(onward, DarknetStudent)
-    losses = onward.losses(torch.rand(1, 3, 96, 96), [car()])
+    losses = onward.losses(image, [car()], image)
     assert all(torch.isfinite(loss) for loss in losses.values())
     assert origin_of(str(path)).card.name == "yolov3-tiny"

@@ -90,7 +90,7 @@ def students_of(typed: str) -> tuple[FrameworkOrigin, FrameworkStudent]:
 def summed(student: FrameworkStudent, images: Tensor) -> Tensor:
     with torch.random.fork_rng():
         torch.manual_seed(0)
-        return torch.stack(list(student.losses(images, [car(), nothing()]).values())).sum()
+        return torch.stack(list(student.losses(images, [car(), nothing()], images).values())).sum()
 
 
 @pytest.mark.parametrize("kind", [*QUERIES, "ssd.safetensors"])
@@ -152,12 +152,13 @@ class Said:
     """A detector as it was, which found these boxes of class 0."""
 
     def __init__(self, *boxes: tuple[float, ...]) -> None:
-        self.boxes = torch.tensor(boxes)
+        self.boxes, self.shown = torch.tensor(boxes), list[Tensor]()
 
     def to(self, device: torch.device) -> Said:
         return self
 
     def detect(self, images: Tensor, score_threshold: float) -> list[Detections]:
+        self.shown.append(images)
         count = len(self.boxes)
         return [Detections(self.boxes, torch.full((count,), 0.9), torch.zeros(count, dtype=torch.int64))] * len(images)
 
@@ -177,7 +178,9 @@ def test_what_it_said_elsewhere_is_truth_and_what_it_said_of_the_vehicle_is_not(
     on_it, elsewhere, empty = (12.0, 20.0, 52.0, 45.0), (1.0, 1.0, 9.0, 9.0), (60.0, 60.0, 60.2, 63.0)
     heard: Any = Listening()
     said: Any = Said(on_it, elsewhere, empty)
-    FrameworkStudent(heard, said).losses(torch.rand(2, 3, SIZE, SIZE), [car(), nothing()])
+    images, plain = torch.rand(2, 2, 3, SIZE, SIZE)
+    FrameworkStudent(heard, said).losses(images, [car(), nothing()], plain)
+    assert [one is plain for one in said.shown] == [True]
     first, second = heard.told
     assert first.boxes.tolist() == [list(car().boxes[0]), list(elsewhere)]
     assert first.labels.tolist() == [CAR, 0]

@@ -21,9 +21,8 @@ SIZE = 64
 def test_an_image_is_the_same_in_another_paint_but_for_the_paint(tmp_path: Path, box_vehicle: Vehicle) -> None:
     samples = Samples(LightFrames([make_dataset(tmp_path, box_vehicle, SIZE, (40.0, 130.0)).folder]), ("car",), SIZE)
     for number, shown in enumerate(([0], [1], [0, 1, 2, 3])):
-        drawn, black, white = (
-            samples.draw(shown, named_rng("sight", number), albedo) for albedo in (None, 0.0, 1.0)
-        )  # fmt: skip
+        paints = (None, torch.zeros(3, 1, 1), torch.ones(3, 1, 1))
+        drawn, black, white = (samples.draw(shown, named_rng("sight", number), paint) for paint in paints)
         assert torch.equal(black.truth.boxes, drawn.truth.boxes)
         painted = (white.image - black.image).amax(0) > 0.2
         assert 0.01 < float(painted.float().mean()) < 0.9

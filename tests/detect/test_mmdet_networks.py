@@ -199,7 +199,7 @@ def test_it_learns_by_its_own_losses_and_is_written_as_it_was_read(
     for _ in range(3):
         with torch.random.fork_rng():
             torch.manual_seed(0)
-            loss = torch.stack(list(student.losses(images, truths).values())).sum()
+            loss = torch.stack(list(student.losses(images, truths, images).values())).sum()
         adam.zero_grad()
         loss.backward()
         adam.step()

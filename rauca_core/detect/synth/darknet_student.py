@@ -44,9 +44,13 @@ class DarknetStudent(nn.Module):
         found: DensePredictions = self.network(images)
         return found
 
-    def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
-        """Objectness, class and box of the predictions that answer for a vehicle; what was said before elsewhere."""
+    def losses(self, images: Tensor, truths: Sequence[Truth], plain: Tensor) -> dict[str, Tensor]:
+        """Objectness, class and box of the predictions that answer for a vehicle; what was said before elsewhere.
+
+        Args:
+            plain: the images with the vehicles in plain paint: what was said before is said of these.
+        """
         found = self.dense(images)
         with torch.no_grad():
-            before: DensePredictions = self._before[0].to(images.device)(images)
+            before: DensePredictions = self._before[0].to(plain.device)(plain)
         return student_losses(found, before, truths)

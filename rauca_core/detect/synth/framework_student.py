@@ -90,9 +90,13 @@ class FrameworkStudent(nn.Module):
         """Predictions in sRGB images (B, 3, H, W) in [0, 1], as the detector's."""
         return self.detector.dense(images)
 
-    def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
-        """The framework's losses for the vehicles and for all that was found elsewhere before, in single precision."""
-        told = with_kept(self._held[1].to(images.device).detect(images.detach(), KEPT), truths)
+    def losses(self, images: Tensor, truths: Sequence[Truth], plain: Tensor) -> dict[str, Tensor]:
+        """The framework's losses for the vehicles and for all that was found elsewhere before, in single precision.
+
+        Args:
+            plain: the images with the vehicles in plain paint, in which was found what is kept.
+        """
+        told = with_kept(self._held[1].to(plain.device).detect(plain, KEPT), truths)
         with torch.autocast(images.device.type, enabled=False):  # their matching asks for it
             return self.detector.losses(images, told)
 

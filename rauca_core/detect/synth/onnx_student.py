@@ -76,11 +76,15 @@ class OnnxStudent(nn.Module):
         }
         return self._predict(images, worn)
 
-    def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
-        """Objectness, class and box of the predictions that answer for a vehicle; what was said before elsewhere."""
+    def losses(self, images: Tensor, truths: Sequence[Truth], plain: Tensor) -> dict[str, Tensor]:
+        """Objectness, class and box of the predictions that answer for a vehicle; what was said before elsewhere.
+
+        Args:
+            plain: the images with the vehicles in plain paint: what was said before is said of these.
+        """
         found = self.dense(images)
         with torch.no_grad():
-            before = self._predict(images, {})
+            before = self._predict(plain, {})
         return student_losses(found, before, truths)
 
     def _predict(self, images: Tensor, worn: dict[str, Tensor]) -> DensePredictions:

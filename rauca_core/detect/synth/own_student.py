@@ -47,19 +47,22 @@ class OwnStudent(nn.Module):
         found: DensePredictions = self.network.dense(images)
         return found
 
-    def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
+    def losses(self, images: Tensor, truths: Sequence[Truth], plain: Tensor) -> dict[str, Tensor]:
         """The network's own losses, for the vehicles and for all that was found elsewhere before.
 
-        Of Faster R-CNN also ``kept``: what it says of regions that show no part of a vehicle, sure of it or not.
+        Of Faster R-CNN also ``kept``: what it says of regions on no vehicle, sure of it or not.
+
+        Args:
+            plain: the images with the vehicles in plain paint: what is kept was found in these.
         """
-        before: Any = self._before[0].to(images.device)
+        before: Any = self._before[0].to(plain.device)
         found: dict[str, Tensor]
         if isinstance(self.network, TwoStage):
             with torch.no_grad():
-                regions = before.network.regions(images)
+                regions = before.network.regions(plain)
                 sure = detections(before.network.predictions(regions), KEPT, OVERLAP)
-            told = with_kept(clipped(sure, images), truths)
+            told = with_kept(clipped(sure, plain), truths)
             found = self.network.losses(images, told, before=regions, vehicles=truths)
         else:
-            found = self.network.losses(images, with_kept(before.detect(images.detach(), KEPT), truths))
+            found = self.network.losses(images, with_kept(before.detect(plain, KEPT), truths))
         return found

@@ -2,7 +2,8 @@
 
 The data marks the vehicles that may wear paint, alone. Taught on it as if nothing else existed, a detector of 80
 classes would forget most of them; the network as it was therefore answers for all predictions that lie on no vehicle
-(learning without forgetting; Li and Hoiem, 2017).
+(learning without forgetting; Li and Hoiem, 2017). It is shown the same picture with the vehicle in plain paint: of a
+camouflaged one it says other things than of a car, plants on doors or the ends of small cars, and must not teach them.
 """
 
 from __future__ import annotations
@@ -14,14 +15,11 @@ from torch import Tensor
 from torch.nn import functional
 
 from ..interface import DensePredictions, Detections
-from ..nms import box_iou, generalized_iou, share_within
+from ..nms import box_iou, generalized_iou
 from .network import Truth
 
 ANSWER = 3  # predictions that answer for a vehicle
 NEAR = 0.3  # overlap above which a prediction is on a vehicle, and is told nothing unless it answers
-# So is one of which that share lies within a vehicle: the network as it was takes camouflaged parts for other things,
-# plants on doors or the ends of small cars, and must not teach them.
-WITHIN = 0.5
 # From this score on what a detector found elsewhere is truth for losses that know objects alone. It was sure of these:
 # taught what it was in doubt of, it sees such things everywhere.
 KEPT = 0.5
@@ -36,7 +34,8 @@ def student_losses(found: DensePredictions, before: DensePredictions, truths: Se
     """Objectness, class and box of the predictions that answer for a vehicle; what was said before elsewhere.
 
     Args:
-        found, before: (B, N) predictions of the network that learns, and of it as it was; boxes in pixels.
+        found, before: (B, N) predictions of the network that learns, and of it as it was in the same pictures with the
+            vehicles in plain paint; boxes in pixels.
         truths: B of them, boxes in the same pixels.
 
     Returns:
@@ -51,7 +50,7 @@ def image_losses(found: DensePredictions, before: DensePredictions, k: int, trut
     """Sums over the predictions of image ``k``, of parts as in :func:`student_losses`."""
     boxes, objectness, classes = found.boxes[k], found.objectness[k], found.classes[k]
     chosen = box_iou(boxes.detach(), truth.boxes).topk(min(ANSWER, len(boxes)), 0).indices  # (ANSWER, T)
-    elsewhere = ~on_vehicles(boxes.detach(), truth.boxes)
+    elsewhere = ~on_vehicle(boxes.detach(), truth.boxes)
     elsewhere[chosen.flatten()] = False
     said, meant = before.objectness[k][elsewhere], before.classes[k][elsewhere]
     kept = cross_entropy(objectness[elsewhere], said).sum()
@@ -67,9 +66,9 @@ def image_losses(found: DensePredictions, before: DensePredictions, k: int, trut
     }
 
 
-def on_vehicles(boxes: Tensor, vehicles: Tensor) -> Tensor:
-    """Which of (N, 4) boxes are of one of (T, 4) vehicles or show a part of it: (N,) bool."""
-    return ((box_iou(boxes, vehicles) > NEAR) | (share_within(boxes, vehicles) > WITHIN)).any(1)
+def on_vehicle(boxes: Tensor, vehicles: Tensor) -> Tensor:
+    """Which of (N, 4) boxes are on one of (T, 4) vehicles: (N,) bool."""
+    return (box_iou(boxes, vehicles) > NEAR).any(1)
 
 
 def cross_entropy(probability: Tensor, wanted: Tensor) -> Tensor:
@@ -83,7 +82,8 @@ def with_kept(found: Sequence[Detections], truths: Sequence[Truth]) -> list[Trut
     """The vehicles, and all that was found in their images and that lies on none of them.
 
     Args:
-        found: by the detector as it was, in B images, with a score of :data:`KEPT` or more.
+        found: by the detector as it was, in B images with the vehicles in plain paint, with a score of :data:`KEPT` or
+            more.
         truths: B of them, boxes in the images' pixels.
     """
     return [_beside(truth, one) for truth, one in zip(truths, found, strict=True)]
@@ -91,5 +91,5 @@ def with_kept(found: Sequence[Detections], truths: Sequence[Truth]) -> list[Trut
 
 def _beside(truth: Truth, found: Detections) -> Truth:
     whole = (found.boxes[:, 2:] - found.boxes[:, :2]).amin(1) >= SMALLEST
-    kept = whole & ~on_vehicles(found.boxes, truth.boxes)
+    kept = whole & ~on_vehicle(found.boxes, truth.boxes)
     return Truth(torch.cat([truth.boxes, found.boxes[kept]]), torch.cat([truth.labels, found.labels[kept]]))

@@ -14,8 +14,8 @@ from torch.nn.utils.rnn import pad_sequence
 
 from ..frameworks.torchvision_ops import import_torchvision
 from ..interface import DensePredictions
-from ..nms import box_iou
 from .network import CHANNELS, STRIDES, DarknetBackbone, Truth
+from .student_losses import on_vehicle
 
 WIDTH = 96  # of the feature pyramid
 HIDDEN = 384  # of the head
@@ -69,8 +69,8 @@ class TwoStage(nn.Module):
         Args:
             images: (B, 3, H, W) sRGB in [0, 1].
             truths: B of them, boxes in the images' pixels.
-            before: what an earlier state of this network says of these images. With it there is a fifth loss, ``kept``,
-                see :meth:`_kept`.
+            before: what an earlier state of this network says of these images with the vehicles in plain paint. With
+                it there is a fifth loss, ``kept``, see :meth:`_kept`.
             vehicles: those of the truths that ``kept`` leaves out.
         """
         targets = [{"boxes": t.boxes, "labels": t.labels + 1} for t in truths]  # 0 is torchvision's background
@@ -84,12 +84,9 @@ class TwoStage(nn.Module):
         """How far this network is from an earlier one in what it says of regions on no vehicle; 0 where they agree.
 
         Kullback-Leibler's divergence between the classes of both, the background among them, summed over all regions
-        that the earlier one proposes and divided by the number of vehicles, as in `student_losses`. Regions that show
-        a part of a vehicle are left out, too: the earlier one does not know what a camouflaged part is of.
+        that the earlier one proposes and divided by the number of vehicles, as in `student_losses`.
         """
-        elsewhere = [
-            ~(box_iou(boxes, truth.boxes) > 0).any(1) for boxes, truth in zip(before.boxes, vehicles, strict=True)
-        ]
+        elsewhere = [~on_vehicle(boxes, truth.boxes) for boxes, truth in zip(before.boxes, vehicles, strict=True)]
         regions = [boxes[free] for boxes, free in zip(before.boxes, elsewhere, strict=True)]
         meant = before.logits[torch.cat(elsewhere)].float().log_softmax(-1)
         said = self._said(features, regions, frame)[0].float().log_softmax(-1)

@@ -100,14 +100,14 @@ def test_it_learns_the_car_and_the_file_says_what_the_network_does(
     student, card = origin.network()
     images = torch.rand(2, 3, SIZE, SIZE, generator=torch.Generator().manual_seed(1))
     truths = [car(), Truth(torch.zeros(0, 4), torch.zeros(0, dtype=torch.int64))]
-    first = {name: float(loss.detach()) for name, loss in student.losses(images, truths).items()}
+    first = {name: float(loss.detach()) for name, loss in student.losses(images, truths, images).items()}
     assert abs(first["kept"]) < 1e-3  # nothing was learnt yet
     adam = torch.optim.Adam(student.parameters(), 3e-3)
     for _ in range(60):
         adam.zero_grad()
-        torch.stack(list(student.losses(images, truths).values())).sum().backward()
+        torch.stack(list(student.losses(images, truths, images).values())).sum().backward()
         adam.step()
-    last = {name: float(loss.detach()) for name, loss in student.losses(images, truths).items()}
+    last = {name: float(loss.detach()) for name, loss in student.losses(images, truths, images).items()}
     assert last["class"] < 0.8 * first["class"]
     origin.save(target, student, card)
     written, before = load_detector(named_as(typed, target)), load_detector(typed)
@@ -120,7 +120,7 @@ def test_it_learns_the_car_and_the_file_says_what_the_network_does(
     assert ends(target) == ends(path)
     again, _ = origin.network(target)  # a later round: its weights, and the first ones to keep to
     assert torch.equal(again.dense(images).classes, meant.classes)
-    assert float(again.losses(images, truths)["kept"].detach()) == pytest.approx(last["kept"], rel=1e-4)
+    assert float(again.losses(images, truths, images)["kept"].detach()) == pytest.approx(last["kept"], rel=1e-4)
 
 
 def test_written_back_unchanged_it_is_the_same_graph(exported: Exported, tmp_path: Path) -> None:
