@@ -257,9 +257,10 @@ class _Rounds:
         folder, samples = after.parent / "training", self.samples(pool)
         if self.settings.beside:
             samples.adversary = Adversary(samples.known, self.settings.beside, self.settings.attack_lr, settings.seed)
+        known = [file_digest(load_camouflage(path)[1]) for path in pool]
+        identity = {"data": self.frames.digest, "pool": known, "beside": self.settings.beside}
         job = Job(
-            network, samples, self.train, test, settings, folder,
-            {"data": self.frames.digest, "pool": [file_digest(load_camouflage(p)[1]) for p in pool]}, student=True,
+            network, samples, self.train, test, settings, folder, identity, student=True,
             adversary=samples.adversary, device=self.device,
         )  # fmt: skip
         rounds = self.settings.rounds
