@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
+from torch.nn import functional
 
 from ..detect.agreement import SEEN, Agreement, agreement_of
 from ..detect.found import Found
@@ -20,7 +21,8 @@ from ..detect.interface import Detector
 
 SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Of what was learnt, largest first; with less than half of it there is little left of a hardening."""
-_BATCH = 8
+NEARER = 2 / 3  # of a picture's width and height that its nearer forms show
+CURVES = (1.5, 1 / 1.5)  # exponents of sRGB values: darker, lighter
 
 
 def mixed(before: Mapping[str, Tensor], after: Mapping[str, Tensor], share: float) -> dict[str, Tensor]:
@@ -31,8 +33,35 @@ def mixed(before: Mapping[str, Tensor], after: Mapping[str, Tensor], share: floa
     }
 
 
+def forms_of(image: Tensor, vehicle: NDArray[np.float64]) -> tuple[Tensor, NDArray[np.float64]]:
+    """A picture as it is, mirrored, nearer on its left and on its right, darker and lighter.
+
+    Few objects stand beside the vehicles of a data set, and a share decided by ten of them is luck. These forms show
+    each of them anew, and need no render.
+
+    Args:
+        image: (3, H, W) sRGB in [0, 1].
+        vehicle: box (4,) xyxy of the vehicle, pixels.
+
+    Returns:
+        (6, 3, H, W), and the box in each (6, 4); it may reach beyond the picture.
+    """
+    height, width = image.shape[1:]
+    x0, y0, x1, y1 = vehicle
+    rows, columns = round(NEARER * height), round(NEARER * width)
+    top = (height - rows) // 2
+    pictures, boxes = [image, image.flip(2)], [vehicle, np.array([width - x1, y0, width - x0, y1])]
+    for left in (0, width - columns):
+        part = image[None, :, top : top + rows, left : left + columns]
+        pictures.append(functional.interpolate(part, size=(height, width), mode="bilinear")[0])
+        scale = np.array([width / columns, height / rows] * 2)
+        boxes.append((vehicle - np.array([left, top] * 2)) * scale)
+    pictures += [image.clamp(0, 1).pow(curve) for curve in CURVES]
+    return torch.stack(pictures), np.stack(boxes + [vehicle] * len(CURVES))
+
+
 class Pictures:
-    """Pictures in which a detector is compared with one as it was."""
+    """Pictures, in all their forms, in which a detector is compared with one as it was."""
 
     def __init__(self, before: Detector, images: Sequence[Tensor], vehicles: Sequence[NDArray[np.float64]]) -> None:
         """Look at the pictures with the detector as it was.
@@ -41,17 +70,18 @@ class Pictures:
             images: (3, H, W) sRGB in [0, 1], on the device that detectors lie on.
             vehicles: boxes (4,) xyxy of the vehicle in each, pixels: what lies in them does not count.
         """
-        self._images, self._vehicles = images, vehicles
+        self._shown = list(zip(images, vehicles, strict=True))
         self._was = self._found(before)
 
     def agreement(self, detector: Detector) -> Agreement:
         """On the objects beside the vehicles."""
-        return agreement_of(zip(self._was, self._found(detector), self._vehicles, strict=True))
+        vehicles = [box for image, vehicle in self._shown for box in forms_of(image, vehicle)[1]]
+        return agreement_of(zip(self._was, self._found(detector), vehicles, strict=True))
 
     def _found(self, detector: Detector) -> list[Found]:
         found = []
-        for first in range(0, len(self._images), _BATCH):
-            for one in detector.detect(torch.stack(list(self._images[first : first + _BATCH])), SEEN):
+        for image, vehicle in self._shown:
+            for one in detector.detect(forms_of(image, vehicle)[0], SEEN):
                 names = tuple(detector.class_names[label] for label in one.labels.tolist())
                 found.append(Found(one.boxes.double().cpu().numpy(), one.scores.double().cpu().numpy(), names))
         return found

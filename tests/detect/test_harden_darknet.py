@@ -9,12 +9,12 @@ import torch
 
 from rauca_core.detect import load_detector
 from rauca_core.detect.darknet import read_weights
-from rauca_core.detect.darknet_network import DarknetNetwork
+from rauca_core.detect.darknet_network import Convolution, DarknetNetwork
 from rauca_core.detect.interface import DensePredictions
 from rauca_core.detect.synth.card import save_weights
 from rauca_core.detect.synth.darknet_student import DarknetStudent
 from rauca_core.detect.synth.network import Truth
-from rauca_core.detect.synth.student_losses import cross_entropy, image_losses
+from rauca_core.detect.synth.student_losses import KEEP_WEIGHT, cross_entropy, image_losses
 from rauca_core.training.hardenable import origin_of
 
 torch.set_num_threads(1)
@@ -45,10 +45,16 @@ def test_without_vehicles_there_is_nothing_to_learn(student: DarknetStudent) -> 
     losses = student.losses(images, [nothing(), nothing()], images)
     assert all(abs(float(loss.detach())) < 1e-5 for loss in losses.values())
     torch.stack(list(losses.values())).sum().backward()
-    assert all(p.grad is None or p.grad.abs().max() < 1e-6 for p in student.parameters())
+    assert all(p.grad is None or p.grad.abs().max() < 1e-5 for p in student.parameters())
 
 
 def test_it_learns_the_car_and_keeps_the_rest(student: DarknetStudent) -> None:
+    """Of a network that says little of anything, as trained ones do of most of a picture."""
+    with torch.no_grad():
+        for network in (student.network, *student._before):
+            for head in network.layers:
+                if isinstance(head, Convolution) and len(head.bias) % 7 == 0:  # anchors of 7 numbers
+                    head.bias[4::7] -= 5  # their objectness
     torch.manual_seed(0)
     images = torch.rand(2, 3, SIZE, SIZE)
     before = student.dense(images)
@@ -96,7 +102,25 @@ def test_a_lost_vehicle_is_taught_and_not_kept_lost() -> None:
     (present,) = torch.autograd.grad(losses["present"], logits, retain_graph=True)
     (kept,) = torch.autograd.grad(losses["kept"], logits)
     assert present[0].tolist() == pytest.approx([-1 / 3] * 3 + [0.0, 0.0])
-    assert kept[0].tolist() == pytest.approx([0.0] * 3 + [-0.02, -0.02])
+    assert kept[0].tolist() == pytest.approx([0.0] * 3 + [-0.02 * KEEP_WEIGHT] * 2)
+
+
+def test_boxes_beside_the_vehicle_are_kept_by_what_was_said_in_them() -> None:
+    """The first moved, of a sure object; the second as far, of an unsure one; the third stayed. Objectness is 1
+    everywhere, as YOLOv8's is."""
+    boxes = torch.tensor([[[70.0, 60.0, 90.0, 80.0], [10.0, 60.0, 30.0, 80.0], [40.0, 60.0, 60.0, 80.0]]])
+    sure = torch.ones(1, 3)
+    classes = torch.tensor([[[0.0, 0.8], [0.0, 0.02], [0.0, 0.8]]])
+    moved = (boxes + torch.tensor([[[4.0, 0, 4, 0]] * 2 + [[0.0] * 4]])).requires_grad_()
+    kept = image_losses(DensePredictions(moved, sure, classes), DensePredictions(boxes, sure, classes), 0, nothing())[
+        "kept"
+    ]
+    apart = 1 - 16 / 24  # of equal boxes side by side the hull is their union
+    assert float(kept.detach()) == pytest.approx(KEEP_WEIGHT * 0.82 * apart**2, rel=1e-4)
+    kept.backward()
+    first, second, third = moved.grad[0].abs().amax(1).tolist()
+    assert first == pytest.approx(40 * second, rel=1e-3)
+    assert third == 0
 
 
 def test_what_is_kept_was_said_of_the_plain_picture(student: DarknetStudent) -> None:

@@ -12,9 +12,10 @@ from torch import Tensor, nn
 
 from rauca_core.detect import Detections
 from rauca_core.detect.agreement import Agreement
-from rauca_core.training.interpolation import SHARES, Pictures, go_back, largest_share, mixed
+from rauca_core.training.interpolation import SHARES, Pictures, forms_of, go_back, largest_share, mixed
 
-DOG, CAR = (2.0, 2.0, 12.0, 12.0), (20.0, 20.0, 60.0, 60.0)
+DOG, CAR = (2.0, 2.0, 12.0, 12.0), (20.0, 40.0, 60.0, 60.0)
+FORMS = 6
 
 
 class FindsABus(nn.Module):
@@ -55,7 +56,24 @@ def test_no_more_is_given_back_than_the_other_objects_ask_for(score: float, want
     assert kept == share
     assert float(network.score.detach()) == pytest.approx(share * score)
     surely = float(network.score.detach()) >= 0.5
-    assert agreed == Agreement(18, 27 if surely else 18, 9, 9)
+    assert agreed == Agreement(18 * FORMS, (27 if surely else 18) * FORMS, 9 * FORMS, 9 * FORMS)
+
+
+def test_forms_show_the_picture_anew_and_say_where_the_vehicle_is() -> None:
+    """A vehicle of red in grey: where a form's box is, there is red, and nowhere else."""
+    image = torch.full((3, 96, 120), 0.5)
+    image[:, 40:60, 30:60] = torch.tensor([1.0, 0.0, 0.0])[:, None, None]
+    pictures, boxes = forms_of(image, np.array([30.0, 40.0, 60.0, 60.0]))
+    assert pictures.shape == (FORMS, 3, 96, 120)
+    assert torch.equal(pictures[0], image)
+    for picture, box in zip(pictures, boxes, strict=True):
+        x0, y0, x1, y1 = np.clip(np.round(box), 0, [120, 96] * 2).astype(int)
+        red = picture[0] - picture[1] > 0.5
+        assert red[y0:y1, x0:x1].all()
+        assert red.sum() == (y1 - y0) * (x1 - x0)
+    light = pictures[:, 1, 0, 0].tolist()  # of a grey corner
+    assert light[:4] == [0.5] * 4
+    assert light[4] < 0.5 < light[5]
 
 
 @pytest.mark.parametrize("enough", [*SHARES, 0.0])
