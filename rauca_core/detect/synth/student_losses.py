@@ -23,7 +23,7 @@ NEAR = 0.3  # overlap above which a prediction is on a vehicle, and is told noth
 # From this score on what a detector found elsewhere is truth for losses that know objects alone. It was sure of these:
 # taught what it was in doubt of, it sees such things everywhere.
 KEPT = 0.5
-SMALLEST = 1.0  # pixels, of the sides of such truth: frameworks refuse empty boxes
+SMALLEST = 1.0  # pixels, of the sides of a box to keep: frameworks refuse empty ones, which overlap not even themselves
 # What is kept weighs more than what is learnt: with 1, an eighth of the other objects is said differently afterwards.
 BOX_WEIGHT, CLASS_WEIGHT, KEEP_WEIGHT = 1.0, 1.0, 3.0
 # Of a probability, in float32: logarithms and their slopes stay finite, and only there. A camouflage that wins drives
@@ -57,8 +57,9 @@ def image_losses(found: DensePredictions, before: DensePredictions, k: int, trut
     kept = cross_entropy(objectness[elsewhere], said).sum()
     kept = kept + (said[:, None] * cross_entropy(classes[elsewhere], meant)).sum()
     # Squared, for 1 - GIoU has a slope where nothing moved; by the score, for YOLOv8's objectness is 1 everywhere.
-    moved = 1 - generalized_iou(boxes[elsewhere], before.boxes[k][elsewhere])
-    kept = kept + (said * meant.amax(1) * moved.square()).sum()
+    was = before.boxes[k][elsewhere]
+    moved = 1 - generalized_iou(boxes[elsewhere], was)
+    kept = kept + (whole(was) * said * meant.amax(1) * moved.square()).sum()
     labels = functional.one_hot(truth.labels, classes.shape[1]).to(classes).expand(len(chosen), -1, -1)
     hulls = generalized_iou(boxes[chosen], truth.boxes[None])
     share = 1 / len(chosen)
@@ -73,6 +74,11 @@ def image_losses(found: DensePredictions, before: DensePredictions, k: int, trut
 def on_vehicle(boxes: Tensor, vehicles: Tensor) -> Tensor:
     """Which of (N, 4) boxes are on one of (T, 4) vehicles: (N,) bool."""
     return (box_iou(boxes, vehicles) > NEAR).any(1)
+
+
+def whole(boxes: Tensor) -> Tensor:
+    """Which of (N, 4) boxes are not empty: (N,) bool."""
+    return (boxes[:, 2:] - boxes[:, :2]).amin(1) >= SMALLEST
 
 
 def cross_entropy(probability: Tensor, wanted: Tensor) -> Tensor:
@@ -94,6 +100,5 @@ def with_kept(found: Sequence[Detections], truths: Sequence[Truth]) -> list[Trut
 
 
 def _beside(truth: Truth, found: Detections) -> Truth:
-    whole = (found.boxes[:, 2:] - found.boxes[:, :2]).amin(1) >= SMALLEST
-    kept = whole & ~on_vehicle(found.boxes, truth.boxes)
+    kept = whole(found.boxes) & ~on_vehicle(found.boxes, truth.boxes)
     return Truth(torch.cat([truth.boxes, found.boxes[kept]]), torch.cat([truth.labels, found.labels[kept]]))
