@@ -17,7 +17,7 @@ from rauca_core.detect.frameworks.transformers_loading import import_transformer
 from rauca_core.detect.nms import box_iou, corners, detections, generalized_iou
 from rauca_core.detect.synth.network import Truth
 from rauca_core.detect.synth.networks import build_network
-from rauca_core.detect.synth.student_losses import NEAR
+from rauca_core.detect.synth.student_losses import KEEP_WEIGHT, NEAR
 
 torch.set_num_threads(1)
 
@@ -109,7 +109,7 @@ def test_a_two_stage_network_keeps_to_what_it_said_of_regions_on_no_vehicle(two_
             p[0], q[0] = 1 - p[1:].sum(), 1 - q[1:].sum()
             wanted += float((p * np.log(p / q)).sum())  # of one vehicle
     loss = kept(vehicles)
-    assert float(loss.detach()) == pytest.approx(wanted, rel=1e-3)
+    assert float(loss.detach()) == pytest.approx(KEEP_WEIGHT * wanted, rel=1e-3)
     assert 0 < float(loss.detach()) < float(kept([vehicles[1]] * 2).detach())  # without the vehicle more regions count
     loss.backward()
     assert float(student.roi_heads.box_predictor.cls_score.bias.grad.abs().sum()) > 0

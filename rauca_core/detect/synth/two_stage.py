@@ -15,7 +15,7 @@ from torch.nn.utils.rnn import pad_sequence
 from ..frameworks.torchvision_ops import import_torchvision
 from ..interface import DensePredictions
 from .network import CHANNELS, STRIDES, DarknetBackbone, Truth
-from .student_losses import on_vehicle
+from .student_losses import KEEP_WEIGHT, on_vehicle
 
 WIDTH = 96  # of the feature pyramid
 HIDDEN = 384  # of the head
@@ -91,7 +91,7 @@ class TwoStage(nn.Module):
         meant = before.logits[torch.cat(elsewhere)].float().log_softmax(-1)
         said = self._said(features, regions, frame)[0].float().log_softmax(-1)
         count = max(1, sum(len(truth.labels) for truth in vehicles))
-        return functional.kl_div(said, meant, reduction="sum", log_target=True) / count
+        return KEEP_WEIGHT * functional.kl_div(said, meant, reduction="sum", log_target=True) / count
 
     def regions(self, images: Tensor) -> Regions:
         """What the network says of the regions that it proposes; in evaluation mode.
