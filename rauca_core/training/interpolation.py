@@ -75,15 +75,17 @@ class Pictures:
 
     def agreement(self, detector: Detector) -> Agreement:
         """On the objects beside the vehicles."""
-        vehicles = [box for image, vehicle in self._shown for box in forms_of(image, vehicle)[1]]
-        return agreement_of(zip(self._was, self._found(detector), vehicles, strict=True))
+        pairs = zip(self._was, self._found(detector), strict=True)
+        return agreement_of((was, found, vehicle) for (was, vehicle), (found, _) in pairs)
 
-    def _found(self, detector: Detector) -> list[Found]:
+    def _found(self, detector: Detector) -> list[tuple[Found, NDArray[np.float64]]]:
+        """What a detector finds in every form, and the vehicle's box there."""
         found = []
         for image, vehicle in self._shown:
-            for one in detector.detect(forms_of(image, vehicle)[0], SEEN):
+            pictures, boxes = forms_of(image, vehicle)
+            for one, box in zip(detector.detect(pictures, SEEN), boxes, strict=True):
                 names = tuple(detector.class_names[label] for label in one.labels.tolist())
-                found.append(Found(one.boxes.double().cpu().numpy(), one.scores.double().cpu().numpy(), names))
+                found.append((Found(one.boxes.double().cpu().numpy(), one.scores.double().cpu().numpy(), names), box))
         return found
 
 
