@@ -8,6 +8,7 @@ from typing import Any
 from ..study.harden import Hardened
 from ..study.hardening import Gain, Gains
 from ..study.hardening_record import FILE_NAME
+from ..study.other_classes import OtherClasses
 from ..study.results import Estimate
 from ..study.study import Entry
 from .frames import FramePicker, Grid
@@ -46,11 +47,12 @@ def write_hardening(found: Hardened, out: Path) -> list[Path]:
         "lead": [*map(_sentence, found.gains), *sentences(found)],
         "figures": _figures(found),
         "rounds": _rounds(found),
+        "others": _others(found),
         "tables": list(zip(tables, found.gains, strict=True)),
         "pictures": [(gains.entry, *_pictures(gains.entry, found)) for gains in found.gains],
     }
     about = {"before": found.before, "after": found.after, "made": found.made, "settings": found.facts}
-    every = [told["figures"], *tables, told["rounds"]]
+    every = [told["figures"], *tables, told["others"], told["rounds"]]
     return write_study_page(found.study, out, "hardening.html", told, every, about, found.facts, limits=_LIMITS)
 
 
@@ -80,12 +82,13 @@ def _rows(gains: Gains) -> list[Gain]:
 def sentences(found: Hardened) -> list[str]:
     """What holds for all entries: other classes, cost, attacks that failed."""
     figures, told = found.figures, []
-    if figures.agreement is not None:
-        both = figures.vacant + figures.others
+    if share := figures.other_classes.estimate:
+        both, places = figures.other_classes.both, figures.other_classes.places
         told.append(
             f"Of {both.objects} objects beside the vehicle, and in pictures without it, that one of the two detectors "
-            f"was sure of, the other says the same of {figures.agreement:.1%}. Of the {both.known} that "
-            f"{figures.before} was sure of, {figures.after} still finds {both.kept}."
+            f"was sure of, the other says the same of {share.ap:.1%} (95 % interval {share.low:.0%} to {share.high:.0%}"
+            f" over {places} {'place' if places == 1 else 'places'}; one object counts once in each paint). Of the "
+            f"{both.known} that {figures.before} was sure of, {figures.after} still finds {both.kept}."
         )
     told.append(f"The hardening took {figures.cost.cpu_minutes:.1f} CPU minutes, attacks and tests included.")
     if figures.failed:
@@ -108,6 +111,33 @@ def _figures(found: Hardened) -> Table:
     rows = [row(key, gain) for key, gain in found.figures.worst().items() if gain is not None]
     columns = (Column("AP@0.5 before"), Column("after"), Column("recovered", kind="share"))
     return listing("hardening-figures", "measure", columns, tuple(rows), "What it is measured by")
+
+
+def _others(found: Hardened) -> Table:
+    """What both detectors say of everything but the vehicle, by vehicle and weathers."""
+    columns = (
+        Column("the same", kind="share"), Column("still found", kind="share"), Column("objects", kind="count"),
+        Column("places", kind="count"),
+    )  # fmt: skip
+
+    def row(name: str, one: OtherClasses, *keys: str) -> Row:
+        def source(key: str) -> Source:
+            return Source(FILE_NAME, (*keys, key))
+
+        share, kept, objects = one.estimate, one.both.kept_share, one.both.objects
+        same = None if share is None else Cell(share.ap, share.low, share.high, source("agreement"))
+        still = None if kept is None else Cell(kept)
+        return Row(
+            name, (same, still, Cell(objects, source=source("objects")), Cell(one.places, source=source("places")))
+        )
+
+    figures = found.figures
+    rows = [
+        row(f"{one.entry.vehicle}, {one.entry.weathers}", others, "entries", str(number), "other_classes")
+        for number, (one, others) in enumerate(zip(figures.gains, figures.others, strict=True))
+    ]
+    rows = [*rows, row("all", figures.other_classes, "other_classes")]
+    return listing("hardening-others", "views", columns, tuple(rows), "Other objects")
 
 
 def _rounds(found: Hardened) -> Table:

@@ -18,11 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack
 
-import numpy as np
-
 from ..contract import Dataset, RaucaError, load_camouflage, read_plan
 from ..contract.files import file_digest
-from ..detect.agreement import Agreement, agreement_of
 from ..detect.synth.card import read_any_card
 from ..runtime.folder_lock import alone_in
 from ..training.harden import identity_of
@@ -41,6 +38,7 @@ from .harden_rounds import STRONGEST, hardening
 from .hardening import Gains, gains_of
 from .hardening_record import Figures, cost_of
 from .judging import Judges, judge
+from .other_classes import OtherClasses, other_classes_of
 from .store import link
 from .study import Entry, Study
 from .views import HeldOut, weather_sets
@@ -187,8 +185,8 @@ def _figures(
     """All figures, from what both detectors found and from the cards of the hardening."""
     names, held = (before[1].name, after[1].name), set(held_out)
     gains = [gains_of(entry, *names, sorted(held & set(entry.camouflages)), measures) for entry in study.entries]
-    vacant, others = _agreement(engine, study, before, after)
-    return Figures(*names, gains, vacant, others, cost_of(weights), _unmet(study, data))
+    others = [_other_classes(engine, entry, before, after) for entry in study.entries]
+    return Figures(*names, gains, others, cost_of(weights), _unmet(study, data))
 
 
 def recipe_of(
@@ -255,21 +253,16 @@ def _told_of_budgets(settings: HardenSettings, measures: Measures) -> str:
     return f"{steps}, {measures.restarts} restarts" if steps else "none"
 
 
-def _agreement(engine: Engine, study: Study, before: Chosen, after: Chosen) -> tuple[Agreement, Agreement]:
-    """Of both detectors on the study's views without their vehicle, and on the other objects in all its pictures."""
-    vacant, others = Agreement(), Agreement()
-    for entry in study.entries:
-        assert entry.views is not None
-        frames = [row.id for row in entry.results.frames]
-        boxes = [np.array(row.box_xyxy, np.float64) for row in entry.results.frames]
-        empty = recipes.vacant(recipes.views_in(entry.views.resolve()), frames)
-        kept = DetectionSettings(entry.category)
-        wanted = [recipes.detections(empty, detector, typed, kept, frames) for typed, detector in (before, after)]
-        one, other = (detections_in(*pair) for pair in zip(wanted, engine.make(*wanted), strict=True))
-        hashes = pictures_in(engine.make(empty)[0], frames).hashes
-        vacant += agreement_of((one[image], other[image], None) for image in hashes)
-        others += _beside(entry, before[1].name, after[1].name, boxes)
-    return vacant, others
+def _other_classes(engine: Engine, entry: Entry, before: Chosen, after: Chosen) -> OtherClasses:
+    """Of both detectors on the views of an entry, with their vehicle and without it."""
+    assert entry.views is not None
+    frames = [row.id for row in entry.results.frames]
+    empty = recipes.vacant(recipes.views_in(entry.views.resolve()), frames)
+    kept = DetectionSettings(entry.category)
+    wanted = [recipes.detections(empty, detector, typed, kept, frames) for typed, detector in (before, after)]
+    one, other = (detections_in(*pair) for pair in zip(wanted, engine.make(*wanted), strict=True))
+    pictures = pictures_in(engine.make(empty)[0], frames)
+    return other_classes_of(entry, before[1].name, after[1].name, pictures, (one, other))
 
 
 def _told_of_weights(weights: Path) -> dict[str, object]:
@@ -277,15 +270,6 @@ def _told_of_weights(weights: Path) -> dict[str, object]:
     against = read_any_card(weights.with_suffix(".json"))[0].hardened
     share = against.get("share_of_weights")
     return {} if share is None else {"share of what was learnt": f"{share:.0%}"}
-
-
-def _beside(entry: Entry, before: str, after: str, boxes: Sequence[np.ndarray]) -> Agreement:
-    """On the other objects in an entry's pictures, in every paint."""
-    return agreement_of(
-        (entry.recorded.found(before, paint, index), entry.recorded.found(after, paint, index), box)
-        for paint in entry.results.paints
-        for index, box in enumerate(boxes)
-    )
 
 
 def _unmet(study: Study, data: Sequence[Path]) -> frozenset[str]:

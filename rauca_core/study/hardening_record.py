@@ -4,13 +4,16 @@
      "clean": {"before": .998, "after": .999, "low": .99, "high": 1.0, "recovered": null}, "held_out": {...},
      "held_out_methods": {...}, "held_out_vehicle": {...}, "held_out_weathers": {...},
      "adaptive_1x": {...}, "adaptive_3x": {...}, "adaptive_10x": {...}, "failed_attacks": [],
-     "other_classes_agreement": .99, "other_classes_kept": .99, "other_objects": {...},
-     "pictures_without_vehicle": {"agreed": 90, "objects": 91, "kept": 45, "known": 45},
+     "other_classes_agreement": .99, "other_classes_kept": .99,
+     "other_classes": {"agreement": .99, "low": .95, "high": 1.0, "agreed": 90, "objects": 91, "kept": 45, "known": 45,
+                       "views": 19, "places": 7},
+     "other_objects": {...}, "pictures_without_vehicle": {"agreed": 9, "objects": 9, "kept": 4, "known": 4},
      "cpu_minutes": 13.1, "rounds": [{"round": 1, "plain": .99, "camouflaged": .9, "cpu_minutes": 4.2}, ...],
-     "entries": [{"vehicle": "sedan", "weathers": "seen", "clean": {...}, ...}]}
+     "entries": [{"vehicle": "sedan", "weathers": "seen", "clean": {...}, ..., "other_classes": {...}}]}
 
 Figures are AP@0.5; ``low`` and ``high`` are the 95 % interval of ``after``. Of several vehicles and sets of weathers
-the opening figures are those of the entry that ends lowest; ``entries`` has all. What was not measured is null.
+the opening figures are those of the entry that ends lowest, but other classes are of all views together; ``entries``
+has all. What was not measured is null. ``views`` and ``places`` are those that show other objects (`other_classes.py`).
 """
 
 from __future__ import annotations
@@ -21,11 +24,11 @@ from pathlib import Path
 from typing import Any
 
 from ..contract.files import write_json
-from ..detect.agreement import Agreement
 from ..detect.synth.card import read_any_card
 from ..training.harden import WORN
 from ..training.measure import ALL
 from .hardening import Gain, Gains
+from .other_classes import OtherClasses
 
 FILE_NAME = "hardening.json"
 FORMAT = ("rauca-hardening-figures", 1)
@@ -68,22 +71,21 @@ class Figures:
 
     Attributes:
         gains: of each entry of the study.
-        vacant: agreement of both detectors on pictures without the vehicle; ``others`` on the other objects beside it.
+        others: what both detectors say of everything but the vehicle, of each entry.
         unseen_weathers: names of the sets of weathers of which no training data has one.
     """
 
     before: str
     after: str
     gains: Sequence[Gains]
-    vacant: Agreement
-    others: Agreement
+    others: Sequence[OtherClasses]
     cost: Cost
     unseen_weathers: frozenset[str] = frozenset()
 
     @property
-    def agreement(self) -> float | None:
-        """Over both, None where neither detector was sure of anything."""
-        return (self.vacant + self.others).share
+    def other_classes(self) -> OtherClasses:
+        """Of all entries together."""
+        return OtherClasses.together(self.others)
 
     @property
     def failed(self) -> list[str]:
@@ -105,16 +107,16 @@ class Figures:
 
     def save(self, out: Path) -> Path:
         """Write ``hardening.json`` into a folder; returns its path."""
-        (name, version), path = FORMAT, out / FILE_NAME
+        (name, version), path, others = FORMAT, out / FILE_NAME, self.other_classes
         fields = {
             "format": name, "version": version, "detector": self.before, "hardened": self.after,
             **{key: told(gain) for key, gain in self.worst().items()},
             "failed_attacks": self.failed,
-            "other_classes_agreement": self.agreement,
-            "other_classes_kept": (self.vacant + self.others).kept_share,
-            "pictures_without_vehicle": asdict(self.vacant), "other_objects": asdict(self.others),
+            "other_classes_agreement": others.both.share, "other_classes_kept": others.both.kept_share,
+            "other_classes": others.told(),
+            "pictures_without_vehicle": asdict(others.vacant), "other_objects": asdict(others.beside),
             "cpu_minutes": self.cost.cpu_minutes, "rounds": [asdict(one) for one in self.cost.rounds],
-            "entries": [_entry(one) for one in self.gains],
+            "entries": [_entry(*one) for one in zip(self.gains, self.others, strict=True)],
         }  # fmt: skip
         write_json(path, fields)
         return path
@@ -134,8 +136,9 @@ def told(gain: Gain | None) -> dict[str, float | None] | None:
     return {"before": gain.before.ap, "after": after.ap, "low": after.low, "high": after.high, "recovered": share}
 
 
-def _entry(gains: Gains) -> dict[str, Any]:
+def _entry(gains: Gains, others: OtherClasses) -> dict[str, Any]:
     measured = {"clean": gains.clean, "held_out": gains.held_out, "held_out_methods": gains.methods}
     measured |= {"held_out_vehicle": gains.unseen} | {f"adaptive_{k}x": gain for k, gain in gains.adaptive.items()}
     where = {"vehicle": gains.entry.vehicle, "weathers": gains.entry.weathers}
-    return where | {key: told(gain) for key, gain in measured.items() if gain is not None}
+    figures = {key: told(gain) for key, gain in measured.items() if gain is not None}
+    return where | figures | {"other_classes": others.told()}

@@ -17,6 +17,7 @@ from rauca_core.study.harden import Hardened
 from rauca_core.study.harden_measures import Measures
 from rauca_core.study.hardening import gains_of
 from rauca_core.study.hardening_record import Cost, Figures, Round
+from rauca_core.study.other_classes import FrameAgreement, OtherClasses
 from rauca_core.study.study import Entry, Study
 from tests.study.colored import BLUE, GREEN, RED, SIZE, FindsColors, paint
 from tests.study.measured import measure
@@ -64,7 +65,8 @@ def test_a_detector_that_did_not_change_recovers_nothing(entry: Entry) -> None:
 def test_the_page_and_its_files_hold_the_same_numbers(entry: Entry, tmp_path: Path) -> None:
     gains, study = gains_of(entry, "before", "after", ["noise"]), Study("rauca harden <x>", (entry,))
     cost = Cost(7.25, (Round(1, 0.9, 0.4, 3.0), Round(2, 0.9, None, 4.25)))
-    figures = Figures("before", "after", [gains], Agreement(8, 9, 4, 4), Agreement(1, 1, 1, 1), cost)
+    others = OtherClasses((FrameAgreement(1, 0, Agreement(8, 9, 4, 4), Agreement(1, 1, 1, 1)),))
+    figures = Figures("before", "after", [gains], [others], cost)
     found = Hardened(tmp_path / "x", study, figures, {"noise": "<b>drawn</b>"}, {"rounds": 2})
     page, table, numbers, _ = write_hardening(found, tmp_path / "report.html")
     read = whole_page(page)
@@ -72,14 +74,17 @@ def test_the_page_and_its_files_hold_the_same_numbers(entry: Entry, tmp_path: Pa
     assert len(read.loads) == 2 * 2 * 5  # paints, before and after, places
     assert f"{gains.rows[0].after.ap:.3f}" in read.text
     assert "Of 10 objects beside the vehicle" in read.text
-    assert "the other says the same of 90.0%" in read.text
+    assert "the other says the same of 90.0% (95 % interval 0% to 100% over 1 place" in read.text
     assert "Of the 5 that before was sure of, after still finds 5." in read.text
     assert "7.2 CPU minutes" in read.text
     every = list(csv.DictReader(table.open()))
     assert {row["row"] for row in every} == {
-        *("normal", "noise", "held-out, mean"), *("own paint", "held-out camouflages"), *("1", "2")
+        *("normal", "noise", "held-out, mean"), *("own paint", "held-out camouflages"), *("1", "2"),
+        *("box, seen", "all"),
     }  # fmt: skip
     rows = {(row["row"], row["column"]): row for row in every}
+    assert float(rows["box, seen", "the same"]["value"]) == 0.9
+    assert rows["all", "objects"]["value"] == "10"
     assert ("normal", "recovered") not in rows
     assert float(rows["noise", "after"]["value"]) == gains.rows[0].after.ap
     assert float(rows["noise", "recovered"]["low"]) == gains.rows[0].recovered.low
@@ -107,13 +112,20 @@ def test_the_record_holds_the_entry_that_ends_lowest_and_names_failed_attacks(at
     gains = gains_of(attacked, "before", "after", ["noise"], measures)
     assert gains.failed == ("adaptive-1x",)  # 9 of 12 found, of the held-out one 6
     assert set(gains.adaptive) == {1, 3}
-    figures = Figures(
-        "before", "after", [gains], Agreement(3, 4, 1, 2), Agreement(5, 6, 3, 3), Cost(1.5, ()), frozenset({"seen"})
-    )  # fmt: skip
+    others = OtherClasses((
+        FrameAgreement(1, 0, Agreement(3, 4, 1, 2), Agreement()),
+        FrameAgreement(1, 1, Agreement(), Agreement(5, 6, 3, 3)),
+        FrameAgreement(1, 2, Agreement(), Agreement()),
+    ))  # fmt: skip
+    figures = Figures("before", "after", [gains], [others], Cost(1.5, ()), frozenset({"seen"}))
     record = json.loads(figures.save(tmp_path).read_text())
     assert record["failed_attacks"] == ["adaptive-1x, box, seen"]
     assert record["other_classes_agreement"] == 0.8
     assert record["other_classes_kept"] == 0.8
+    assert record["pictures_without_vehicle"] == {"agreed": 3, "objects": 4, "kept": 1, "known": 2}
+    told = record["other_classes"]
+    assert (told["agreement"], told["objects"], told["views"], told["places"]) == (0.8, 10, 2, 2)
+    assert record["entries"][0]["other_classes"] == told
     assert record["adaptive_3x"] == {
         "before": 0, "after": pytest.approx(0.25, abs=0.01), "low": gains.adaptive[3].after.low,
         "high": gains.adaptive[3].after.high, "recovered": pytest.approx(0.25, abs=0.01),

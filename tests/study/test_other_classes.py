@@ -10,6 +10,8 @@ from rauca_core.contract import Vehicle
 from rauca_core.detect.agreement import Agreement, agreement_of
 from rauca_core.detect.found import Found
 from rauca_core.runtime.images import read_image
+from rauca_core.study.intervals import difference_interval
+from rauca_core.study.other_classes import FrameAgreement, OtherClasses
 from rauca_core.study.vacant import without_vehicle
 
 HERE, THERE, ALMOST_HERE = (0.0, 0.0, 20.0, 10.0), (50.0, 50.0, 80.0, 80.0), (0.0, 1.0, 20.0, 11.0)
@@ -56,3 +58,38 @@ def test_a_picture_without_its_vehicle_keeps_what_stands_beside_it(tmp_path, box
     assert grey.mean() < 1
     assert np.array_equal(vacant[:, ~grey], pixels[:, ~grey])
     assert grey.sum() == pytest.approx(1.3 * (right - left), abs=2)
+
+
+def test_a_share_rests_on_places_and_not_on_how_often_an_object_is_painted() -> None:
+    """Ten paints show each object ten times: the interval stays that of three places."""
+
+    def at(town: int, location: int, agreed: int, objects: int, paints: int) -> FrameAgreement:
+        return FrameAgreement(town, location, Agreement(), Agreement(agreed * paints, objects * paints, 0, 0))
+
+    def some(paints: int) -> OtherClasses:
+        shown = [at(1, 0, 3, 3, paints), at(1, 1, 1, 2, paints), at(1, 1, 1, 1, paints), at(2, 0, 2, 2, paints)]
+        return OtherClasses((*shown, at(2, 1, 0, 0, paints)))
+
+    once, often = some(1), some(10)
+    assert (once.places, len(once.showing), once.both.objects, often.both.objects) == (3, 4, 8, 80)
+    assert once.estimate == often.estimate
+    assert once.estimate is not None
+    assert once.estimate.ap == pytest.approx(7 / 8)
+    without_each = np.array([7 / 8, 4 / 5, 5 / 5, 5 / 6])
+    assert (once.estimate.low, once.estimate.high) == pytest.approx(difference_interval(without_each, 3, (0, 1)))
+    assert 0 < once.estimate.low < 4 / 5
+    assert once.estimate.high == 1
+
+
+def test_one_place_tells_nothing_of_others_and_no_object_nothing_at_all() -> None:
+    alone = OtherClasses(tuple(FrameAgreement(1, 0, Agreement(1, 1, 1, 1), Agreement(4, 5, 2, 2)) for _ in range(3)))
+    assert alone.estimate is not None
+    assert (alone.estimate.ap, alone.estimate.low, alone.estimate.high) == (pytest.approx(15 / 18), 0, 1)
+    nothing = OtherClasses((FrameAgreement(1, 0, Agreement(), Agreement()),))
+    assert nothing.estimate is None
+    assert nothing.told()["agreement"] is None
+    agreed = OtherClasses(tuple(FrameAgreement(1, n, Agreement(), Agreement(9, 9, 5, 5)) for n in range(6)))
+    assert agreed.estimate is not None
+    assert 0.85 < agreed.estimate.low < 0.95  # six places without a dispute do not say that there is none anywhere
+    both = OtherClasses.together([alone, nothing])
+    assert (len(both.frames), both.estimate) == (4, alone.estimate)
