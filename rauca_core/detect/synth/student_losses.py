@@ -24,7 +24,7 @@ NEAR = 0.3  # overlap above which a prediction is on a vehicle, and is told noth
 # taught what it was in doubt of, it sees such things everywhere.
 KEPT = 0.5
 SMALLEST = 1.0  # pixels, of the sides of a box to keep: frameworks refuse empty ones, which overlap not even themselves
-# What is kept weighs more than what is learnt. On the same frames 3 was not yet compared with 1 (docs/harden.md).
+# What is kept weighs more than what is learnt; a weight of 1 is not shown to do worse (docs/hardening-results.md).
 BOX_WEIGHT, CLASS_WEIGHT, KEEP_WEIGHT = 1.0, 1.0, 3.0
 # Of a probability, in float32: logarithms and their slopes stay finite, and only there. A camouflage that wins drives
 # objectness to 1e-6 and below, which is what is to be taught.
