@@ -62,6 +62,16 @@ class Places:
                 return Places(kind, index.astype(np.int64), len(distinct))
         return Places("frames", np.arange(len(locations)), len(locations))
 
+    @staticmethod
+    def in_towns(shown: Sequence[tuple[int, int]]) -> Places:
+        """Those of frames of several data sets: a location counts once, whichever vehicle and weather it shows.
+
+        Args:
+            shown: town and location of each frame, at least one.
+        """
+        numbers = {place: number for number, place in enumerate(dict.fromkeys(shown))}
+        return Places.of([numbers[place] for place in shown], range(len(shown)))
+
     def left_out(self) -> NDArray[np.int64]:
         """(1 + C, C): how often each place counts, with all of them, then without each; a single one is kept."""
         if self.count == 1:

@@ -40,6 +40,10 @@ class FrameAgreement:
     beside: Agreement
 
     @property
+    def place(self) -> tuple[int, int]:
+        return self.town, self.location
+
+    @property
     def both(self) -> Agreement:
         return self.vacant + self.beside
 
@@ -73,7 +77,7 @@ class OtherClasses:
     @property
     def places(self) -> int:
         """How many places show other objects."""
-        return len({(frame.town, frame.location) for frame in self.showing})
+        return len({frame.place for frame in self.showing})
 
     @property
     def estimate(self) -> Estimate | None:
@@ -84,14 +88,13 @@ class OtherClasses:
         some = self.showing
         if not some:
             return None
-        share = self.both.agreed / self.both.objects
+        each, share = [frame.both for frame in some], self.both.agreed / self.both.objects
         if self.places < 2:
             return Estimate(share, 0.0, 1.0)
-        known = sorted({(frame.town, frame.location) for frame in some})
-        places = Places.of([known.index((frame.town, frame.location)) for frame in some], range(len(some)))
+        places = Places.in_towns([frame.place for frame in some])
         counts = places.left_out()[:, places.of_frame]
-        agreed, objects = (np.array([getattr(f.both, name) for f in some]) for name in ("agreed", "objects"))
-        return Estimate(share, *difference_interval(counts @ agreed / (counts @ objects), self.places, (0.0, 1.0)))
+        agreed, objects = counts @ [one.agreed for one in each], counts @ [one.objects for one in each]
+        return Estimate(share, *difference_interval(agreed / objects, places.count, (0.0, 1.0)))
 
     def told(self) -> dict[str, Any]:
         """As JSON."""

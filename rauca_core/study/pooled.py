@@ -88,5 +88,4 @@ class Pool:
             for town, entry in zip(self._towns, self._entries, strict=True)
             for row in entry.results.frames
         ]
-        numbers = {place: number for number, place in enumerate(dict.fromkeys(shown))}
-        return Places.of([numbers[place] for place in shown], list(range(len(shown))))
+        return Places.in_towns(shown)
