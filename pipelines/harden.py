@@ -86,6 +86,9 @@ def harden(
     views: Views = None,
     weathers: Annotated[str, judging_option(help="of new views: seen, unseen, both, or a preset")] = "seen",
     frames: Annotated[int, judging_option(min=1, help="new views per weather set")] = 48,
+    other_places: Annotated[
+        int, judging_option(min=0, help="a new view in each of so many more places, to compare other objects there")
+    ] = 48,
     seed: Seed = 0,
     threads: Threads = None,
     device: Device = "cpu",
@@ -108,7 +111,8 @@ def harden(
         every=every, seed=seed, threads=threads,
     )  # fmt: skip
     times = _times(budgets)
-    measures = Measures(times, restarts, tuple(held_out_method or ()), tuple(held_out_vehicle or ()))
+    held = tuple(held_out_method or ()), tuple(held_out_vehicle or ())
+    measures = Measures(times, restarts, *held, other_places)
     with means_of(device, slurm, blender, render_device, threads) as means:
         found = rauca.harden(
             detector, data, held_out, out, camouflages=camouflage or (), settings=settings,

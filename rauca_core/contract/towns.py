@@ -35,6 +35,7 @@ TEST: Mapping[str, int] = MappingProxyType(
         "other objects": 20_507,
         "the published cameras on the sedan": 20_508,
         "light of the environment on the sedan": 20_509,
+        "beside the vehicle, of hardened detectors": 20_510,
         "crops on the sedan": 20_502,
         "held-out clips": 20_004,
         "batteries, street-seen": 31_600,

@@ -136,6 +136,10 @@ def _others(found: Hardened) -> Table:
         row(f"{one.entry.vehicle}, {one.entry.weathers}", others, "entries", str(number), "other_classes")
         for number, (one, others) in enumerate(zip(figures.gains, figures.others, strict=True))
     ]
+    rows += [
+        row(f"more places, {weathers}", others, "other_places", weathers)
+        for weathers, others in figures.other_places.items()
+    ]
     rows = [*rows, row("all", figures.other_classes, "other_classes")]
     return listing("hardening-others", "views", columns, tuple(rows), "Other objects")
 

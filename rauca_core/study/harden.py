@@ -8,18 +8,20 @@ Folder, run again to go on; every step only makes what is missing::
                                             the detector after it
     attacks/<vehicle>/                      links to camouflages that it is measured by, see `harden_measures`
     study/                                  both detectors on held-out views, rendered by Cycles, as of `evaluate`
+    other_places/                           the same in more places, in the vehicle's own paint: for other objects alone
     hardening.json                          the figures, see `hardening_record`
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Unpack
 
 from ..contract import Dataset, RaucaError, load_camouflage, read_plan
 from ..contract.files import file_digest
+from ..contract.towns import TEST
 from ..detect.synth.card import read_any_card
 from ..runtime.folder_lock import alone_in
 from ..training.harden import identity_of
@@ -37,7 +39,7 @@ from .harden_measures import METHOD, UNSEEN, Measures, adaptive_paints, held_out
 from .harden_rounds import STRONGEST, hardening
 from .hardening import Gains, gains_of
 from .hardening_record import Figures, cost_of
-from .judging import Judges, judge
+from .judging import Judges, Place, judge
 from .other_classes import OtherClasses, other_classes_of
 from .store import link
 from .study import Entry, Study
@@ -134,8 +136,10 @@ def harden(
         new = held_out_views or HeldOut(48)
         places = given_places(opened, everyone, None) if opened else held_out_places(everyone, sets, new)
         study = judge(engine, out / "study", places, paints, Judges(both), command)
+        others = _other_places(everyone[0], sets, new, 0 if opened else measured.other_places)
+        more = judge(engine, out / "other_places", others, {everyone[0]: {}}, Judges(both), command)
         held = {one.label for one in candidates}
-        figures = _figures(engine, study, held, measured, before, after, folder / weights.name, data)
+        figures = _figures(engine, study, more, held, measured, before, after, folder / weights.name, data)
         figures.save(out)
     facts = {
         "detector": Path(detector).name,
@@ -172,9 +176,16 @@ def _worn(
     return worn
 
 
+def _other_places(vehicle: VehicleChoice, weathers: Sequence[str], views: HeldOut, count: int) -> list[Place]:
+    """Places in which other objects alone are looked at: so many of a town of their own, a view of each."""
+    there = replace(views, frames=count, locations=count, seed=TEST["beside the vehicle, of hardened detectors"])
+    return held_out_places([vehicle], weathers, there) if count else []
+
+
 def _figures(
     engine: Engine,
     study: Study,
+    more: Study,
     held_out: Iterable[str],
     measures: Measures,
     before: Chosen,
@@ -182,11 +193,16 @@ def _figures(
     weights: Path,
     data: Sequence[Path],
 ) -> Figures:
-    """All figures, from what both detectors found and from the cards of the hardening."""
+    """All figures, from what both detectors found and from the cards of the hardening.
+
+    Args:
+        more: of places in which other objects alone are looked at.
+    """
     names, held = (before[1].name, after[1].name), set(held_out)
     gains = [gains_of(entry, *names, sorted(held & set(entry.camouflages)), measures) for entry in study.entries]
     others = [_other_classes(engine, entry, before, after) for entry in study.entries]
-    return Figures(*names, gains, others, cost_of(weights), _unmet(study, data))
+    other_places = {entry.weathers: _other_classes(engine, entry, before, after) for entry in more.entries}
+    return Figures(*names, gains, others, cost_of(weights), _unmet(study, data), other_places)
 
 
 def recipe_of(

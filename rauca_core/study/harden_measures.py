@@ -36,12 +36,15 @@ class Measures:
         methods: of the literature, see ``attack.METHODS``, which the hardening never attacks by: a camouflage of each
             is made against the detector as it was.
         vehicles: data sets with light maps of vehicles that the hardening never shows.
+        other_places: how many more places are looked at for other objects alone, a view of each in each set of
+            weathers, with a vehicle in its own paint; none where views are given.
     """
 
     budgets: tuple[int, ...] = (1, 3, 10)
     restarts: int = 2
     methods: tuple[str, ...] = ()
     vehicles: tuple[Path, ...] = ()
+    other_places: int = 48
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -8,18 +8,20 @@
      "other_classes": {"agreement": .99, "low": .95, "high": 1.0, "agreed": 90, "objects": 91, "kept": 45, "known": 45,
                        "views": 19, "places": 7},
      "other_objects": {...}, "pictures_without_vehicle": {"agreed": 9, "objects": 9, "kept": 4, "known": 4},
+     "other_places": {"seen": {"agreement": .99, ...}, ...},
      "cpu_minutes": 13.1, "rounds": [{"round": 1, "plain": .99, "camouflaged": .9, "cpu_minutes": 4.2}, ...],
      "entries": [{"vehicle": "sedan", "weathers": "seen", "clean": {...}, ..., "other_classes": {...}}]}
 
 Figures are AP@0.5; ``low`` and ``high`` are the 95 % interval of ``after``. Of several vehicles and sets of weathers
 the opening figures are those of the entry that ends lowest, but other classes are of all views together; ``entries``
-has all. What was not measured is null. ``views`` and ``places`` are those that show other objects (`other_classes.py`).
+has all, and ``other_places`` what is said of other objects in places where nothing else is judged, by weathers. What
+was not measured is null. ``views`` and ``places`` are those that show other objects (`other_classes.py`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +75,7 @@ class Figures:
         gains: of each entry of the study.
         others: what both detectors say of everything but the vehicle, of each entry.
         unseen_weathers: names of the sets of weathers of which no training data has one.
+        other_places: as ``others``, in places in which other objects alone are looked at, by set of weathers.
     """
 
     before: str
@@ -81,11 +84,12 @@ class Figures:
     others: Sequence[OtherClasses]
     cost: Cost
     unseen_weathers: frozenset[str] = frozenset()
+    other_places: Mapping[str, OtherClasses] = field(default_factory=dict)
 
     @property
     def other_classes(self) -> OtherClasses:
-        """Of all entries together."""
-        return OtherClasses.together(self.others)
+        """Of all views together."""
+        return OtherClasses.together([*self.others, *self.other_places.values()])
 
     @property
     def failed(self) -> list[str]:
@@ -115,6 +119,7 @@ class Figures:
             "other_classes_agreement": others.both.share, "other_classes_kept": others.both.kept_share,
             "other_classes": others.told(),
             "pictures_without_vehicle": asdict(others.vacant), "other_objects": asdict(others.beside),
+            "other_places": {weathers: one.told() for weathers, one in self.other_places.items()},
             "cpu_minutes": self.cost.cpu_minutes, "rounds": [asdict(one) for one in self.cost.rounds],
             "entries": [_entry(*one) for one in zip(self.gains, self.others, strict=True)],
         }  # fmt: skip

@@ -14,7 +14,7 @@ import pytest
 from benchmarks.stability.detectors import SmallDetector
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.attack import random_camouflage
-from rauca_core.contract import Vehicle, load_camouflage, load_vehicle
+from rauca_core.contract import Vehicle, load_camouflage, load_vehicle, read_plan
 from rauca_core.contract.files import file_digest
 from rauca_core.report import write_hardening
 from rauca_core.runtime.images import read_image
@@ -23,6 +23,8 @@ from rauca_core.study.harden import Hardened, harden
 from rauca_core.study.harden_measures import Measures
 from rauca_core.study.harden_rounds import attack_folder, hardening
 from rauca_core.study.job import Machine
+from rauca_core.study.study import load_study
+from rauca_core.study.views import HeldOut
 from rauca_core.training.settings import HardenSettings
 from tests.study.drawn_blender import DrawnBlender, drawn_blender
 from tests.study.page import whole_page
@@ -120,6 +122,34 @@ def test_every_measure_is_made_once_and_recorded(asked, tmp_path: Path, monkeypa
     assert all(words in text for words in ("held-out methods", "held-out vehicle", "adaptive, 1 times the budget"))
     asked()
     assert engines[1].made == Counter()
+
+
+def test_other_objects_are_looked_at_in_places_of_their_own(
+    tmp_path: Path, box_vehicle: Vehicle, drawn_blender: DrawnBlender
+) -> None:
+    """A view of each place, in the vehicle's own paint, in a town where nothing else is judged; none beside views."""
+    data = make_dataset(tmp_path / "box", box_vehicle, 64, SIDES).folder
+    random_camouflage(tmp_path / "held.json", load_vehicle(data / "vehicle", read_image), 64, seed=5, cell=8)
+    views = make_dataset(tmp_path / "views", box_vehicle, 64, SIDES, light=False).folder
+
+    def asked(**given: Any) -> dict[str, Any]:
+        harden(
+            "frcnn-synth", [data], [f"held={tmp_path / 'held.json'}"], tmp_path / "out",
+            settings=HardenSettings.make(**TINY), measures=Measures(budgets=(), other_places=3), **given,
+        )  # fmt: skip
+        return json.loads((tmp_path / "out" / "hardening.json").read_text())
+
+    assert asked(views=[views])["other_places"] == {}
+    assert not drawn_blender.frames["make_dataset"]
+    record = asked(weathers=["both"], held_out_views=HeldOut(frames=2, size=64))
+    assert set(record["other_places"]) == {"seen", "unseen"}
+    assert drawn_blender.frames["make_dataset"] == 2 * (2 + 3)
+    judged, more = (load_study(tmp_path / "out" / name) for name in ("study", "other_places"))
+    for entry in more.entries:
+        assert set(entry.results.paints) == {"normal"}
+        assert {row.id.split("-")[0] for row in entry.results.frames} == {"L00", "L01", "L02"}
+    towns = [{read_plan(entry.views).seed for entry in study.entries} for study in (judged, more)]
+    assert not towns[0] & towns[1]
 
 
 @pytest.mark.parametrize("restarts", [1, 2])
