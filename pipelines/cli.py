@@ -18,6 +18,7 @@ from rich.text import Text
 from rauca_core.contract import ApplyCamouflage, RaucaError, VehicleSource
 from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.stopping import take_sigterm_for_ctrl_c
+from rauca_core.version import __version__
 
 from .ablate import ablate
 from .assess import assess
@@ -48,7 +49,6 @@ EXTRAS = {
 """Which extra of rauca brings a package that a command has missed."""
 app = typer.Typer(
     name="rauca",
-    help="Measure and harden vehicle detectors against adversarial camouflage.",
     epilog="How robust is a detector: `rauca assess mine.onnx --out runs/mine`. The whole way, small: `rauca demo`. "
     "What is missing here: `rauca doctor`.",
     no_args_is_help=True,
@@ -69,6 +69,21 @@ COMMANDS: Mapping[str, tuple[Callable[..., None], ...]] = {
     HARDEN: (harden,),
 }
 """Every command, under the heading that `rauca --help` shows it below."""
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        output().print(f"rauca {__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", help="print the version and end", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Measure and harden vehicle detectors against adversarial camouflage."""
 
 
 def _build() -> None:

@@ -18,6 +18,7 @@ from pipelines.detector_commands import weights_app
 from pipelines.efe_commands import efe_train
 from rauca_core.detect.weights import OWN_FOLDER
 from rauca_core.training.settings import ExtractorSettings
+from rauca_core.version import __version__
 
 
 def rauca(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -64,6 +65,10 @@ def test_what_the_command_line_repeats_is_what_the_library_says():
     assert signature(efe_train).parameters["eta"].default == ExtractorSettings().eta
     (option,) = (o for o in typer.main.get_command(weights_app).commands["fetch"].params if "--from" in o.opts)
     assert option.envvar == OWN_FOLDER
+
+
+def test_the_version_is_told():
+    assert rauca("--version").stdout == f"rauca {__version__}\n"
 
 
 def test_doctor_looks_at_everything():
