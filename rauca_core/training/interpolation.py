@@ -1,8 +1,9 @@
 """How much of what a detector learnt is kept: weights on the straight line between it as it was and as it learnt.
 
 On the way back along that line a detector soon says of everything but the vehicle what it said before, and loses what
-it learnt of camouflage only later (WiSE-FT; Wortsman et al., Robust fine-tuning of zero-shot models, CVPR 2022). So the
-largest share is taken that agrees enough with the detector as it was, in frames of places that it did not learn on.
+it learnt of camouflage only later (WiSE-FT; Wortsman et al., Robust fine-tuning of zero-shot models, CVPR 2022). That
+holds for camouflages that do not know it; against an attack that does, much may be lost at once. So the largest share
+is taken that agrees enough with the detector as it was, in frames of places that it did not learn on.
 """
 
 from __future__ import annotations
