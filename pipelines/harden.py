@@ -111,8 +111,8 @@ def harden(
         every=every, seed=seed, threads=threads,
     )  # fmt: skip
     times = _times(budgets)
-    held = tuple(held_out_method or ()), tuple(held_out_vehicle or ())
-    measures = Measures(times, restarts, *held, other_places)
+    methods, vehicles = tuple(held_out_method or ()), tuple(held_out_vehicle or ())
+    measures = Measures(times, restarts, methods, vehicles, other_places)
     with means_of(device, slurm, blender, render_device, threads) as means:
         found = rauca.harden(
             detector, data, held_out, out, camouflages=camouflage or (), settings=settings,

@@ -66,34 +66,43 @@ def test_the_page_and_its_files_hold_the_same_numbers(entry: Entry, tmp_path: Pa
     gains, study = gains_of(entry, "before", "after", ["noise"]), Study("rauca harden <x>", (entry,))
     cost = Cost(7.25, (Round(1, 0.9, 0.4, 3.0), Round(2, 0.9, None, 4.25)))
     others = OtherClasses((FrameAgreement(1, 0, Agreement(8, 9, 4, 4), Agreement(1, 1, 1, 1)),))
-    more = {"seen": OtherClasses((FrameAgreement(2, 0, Agreement(), Agreement(10, 10, 5, 5)),))}
-    figures = Figures("before", "after", [gains], [others], cost, other_places=more)
+    figures = Figures("before", "after", [gains], [others], cost)
     found = Hardened(tmp_path / "x", study, figures, {"noise": "<b>drawn</b>"}, {"rounds": 2})
     page, table, numbers, _ = write_hardening(found, tmp_path / "report.html")
     read = whole_page(page)
     assert "<b>drawn" in read.text
     assert len(read.loads) == 2 * 2 * 5  # paints, before and after, places
     assert f"{gains.rows[0].after.ap:.3f}" in read.text
-    assert "Of 20 objects beside the vehicle" in read.text
-    assert "the other says the same of 95.0% (95 % interval" in read.text
-    assert "over 2 places; one object counts once in each paint" in read.text
-    assert "Of the 10 that before was sure of, after still finds 10." in read.text
+    assert "Of 10 objects beside the vehicle" in read.text
+    assert "the other says the same of 90.0% (95 % interval 0% to 100% over 1 place" in read.text
+    assert "Of the 5 that before was sure of, after still finds 5." in read.text
     assert "7.2 CPU minutes" in read.text
     every = list(csv.DictReader(table.open()))
     assert {row["row"] for row in every} == {
         *("normal", "noise", "held-out, mean"), *("own paint", "held-out camouflages"), *("1", "2"),
-        *("box, seen", "more places, seen", "all"),
+        *("box, seen", "all"),
     }  # fmt: skip
     rows = {(row["row"], row["column"]): row for row in every}
     assert float(rows["box, seen", "the same"]["value"]) == 0.9
-    assert float(rows["more places, seen", "the same"]["value"]) == 1
-    assert rows["more places, seen", "objects"]["keys"] == "other_places / seen / objects"
-    assert rows["all", "objects"]["value"] == "20"
+    assert rows["all", "objects"]["value"] == "10"
     assert ("normal", "recovered") not in rows
     assert float(rows["noise", "after"]["value"]) == gains.rows[0].after.ap
     assert float(rows["noise", "recovered"]["low"]) == gains.rows[0].recovered.low
     assert rows["noise", "after"]["keys"] == "table / noise / after"
     assert json.loads(numbers.read_text())["before"] == "before"
+
+    more = {"seen": OtherClasses((FrameAgreement(2, 0, Agreement(), Agreement(10, 10, 5, 5)),))}
+    wider = replace(found, figures=replace(figures, other_places=more))
+    page, table, *_ = write_hardening(wider, tmp_path / "wider.html")
+    read = whole_page(page)
+    assert "Of 20 objects beside the vehicle" in read.text
+    assert "the other says the same of 95.0% (95 % interval" in read.text
+    assert "over 2 places; one object counts once in each paint" in read.text
+    rows = {(row["row"], row["column"]): row for row in csv.DictReader(table.open())}
+    assert float(rows["box, seen", "the same"]["value"]) == 0.9
+    assert float(rows["more places, seen", "the same"]["value"]) == 1
+    assert rows["more places, seen", "objects"]["keys"] == "other_places / seen / objects"
+    assert rows["all", "objects"]["value"] == "20"
 
 
 @pytest.fixture
@@ -132,11 +141,10 @@ def test_the_record_holds_the_entry_that_ends_lowest_and_names_failed_attacks(at
     assert record["entries"][0]["other_classes"] == told
     assert record["other_places"] == {}
     more = OtherClasses((FrameAgreement(2, 0, Agreement(), Agreement(2, 10, 0, 1)),))
-    record = json.loads(replace(figures, other_places={"seen": more}).save(tmp_path).read_text())
-    assert record["other_places"]["seen"] == more.told()
-    assert record["entries"][0]["other_classes"] == told
-    assert (record["other_classes"]["agreement"], record["other_classes"]["places"]) == (0.5, 3)
-    record = json.loads(figures.save(tmp_path).read_text())
+    wider = json.loads(replace(figures, other_places={"seen": more}).save(tmp_path).read_text())
+    assert wider["other_places"]["seen"] == more.told()
+    assert wider["entries"][0]["other_classes"] == told
+    assert (wider["other_classes"]["agreement"], wider["other_classes"]["places"]) == (0.5, 3)
     assert record["adaptive_3x"] == {
         "before": 0, "after": pytest.approx(0.25, abs=0.01), "low": gains.adaptive[3].after.low,
         "high": gains.adaptive[3].after.high, "recovered": pytest.approx(0.25, abs=0.01),
