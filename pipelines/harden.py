@@ -74,6 +74,9 @@ def harden(
     agreement: Annotated[
         float, training_option(help="with the detector as it was, on other objects; 0 keeps the weights as they learnt")
     ] = 0.97,
+    agreement_places: Annotated[
+        int, training_option(min=1, help="new places, a view of each, that decide how much is kept for that")
+    ] = 192,
     share: Annotated[float, training_option(help="of training frames that wear a camouflage")] = 0.5,
     batch: Annotated[int, training_option(help="images per step of fine-tuning")] = 8,
     lr: Annotated[
@@ -100,6 +103,7 @@ def harden(
     from rauca_core.report import write_hardening
     from rauca_core.report.hardening_page import gains_table, sentences
     from rauca_core.study.harden_measures import Measures
+    from rauca_core.study.interpolated import Interpolation
     from rauca_core.study.views import HeldOut
     from rauca_core.training.settings import HardenSettings
 
@@ -107,7 +111,7 @@ def harden(
         rounds=rounds, steps=steps, attack_steps=attack_steps, attack_growth=attack_growth,
         attack_restarts=attack_restarts, attack_methods=attack_method or None,
         attack_patches=attack_patch_cm or None, attack_lr=attack_lr, inner_step=inner_step, beside=beside,
-        agreement=agreement, share=share, batch=batch, lr=lr, map_size=map_size, samples=samples, precision=precision,
+        share=share, batch=batch, lr=lr, map_size=map_size, samples=samples, precision=precision,
         every=every, seed=seed, threads=threads,
     )  # fmt: skip
     times = _times(budgets)
@@ -116,7 +120,8 @@ def harden(
     with means_of(device, slurm, blender, render_device, threads) as means:
         found = rauca.harden(
             detector, data, held_out, out, camouflages=camouflage or (), settings=settings,
-            measures=measures, views=views or (), weathers=[weathers], held_out_views=HeldOut(frames),
+            interpolation=Interpolation(agreement, agreement_places), measures=measures, views=views or (),
+            weathers=[weathers], held_out_views=HeldOut(frames),
             command=command_line(short=True), **means,
         )  # fmt: skip
     for path in write_hardening(found, out / "report.html"):

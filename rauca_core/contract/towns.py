@@ -20,7 +20,7 @@ TRAINING: Mapping[str, int] = MappingProxyType(
         "attacks of the batteries": 31_500,
     }
 )
-VALIDATION: Mapping[str, int] = MappingProxyType({"ablations": 10_000})
+VALIDATION: Mapping[str, int] = MappingProxyType({"ablations": 10_000, "share of a hardening that is kept": 10_001})
 TEST: Mapping[str, int] = MappingProxyType(
     {
         "demo": 2,

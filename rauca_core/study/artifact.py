@@ -26,8 +26,8 @@ RECIPE = "recipe.json"
 FORMAT = ("rauca-artifact", 1)
 VERSIONS = {
     "vehicle": 1, "views": 1, "part": 1, "extractor": 1, "paint": 1, "random": 1, "map": 1, "renders": 1,
-    "defended": 1, "detections": 1, "hardened": 3, "ranking": 1, "composed": 1,
-    "vacant": 1,
+    "defended": 1, "detections": 1, "hardened": 3, "interpolated": 1, "ranking": 1,
+    "composed": 1, "vacant": 1,
 }  # fmt: skip
 """Of each kind's format: a higher number makes all of a kind anew, after a change of the code that makes it. A ``map``
 is a finished camouflage's UV map, which is always given."""

@@ -12,7 +12,9 @@ from .assess import EFFORTS
 from .battery import LATEST, load_battery
 from .engine import Means, open_engine
 from .harden import link_weights, recipe_of
+from .interpolated import Interpolation, interpolated
 from .store import user_cache
+from .views import HeldOut
 
 
 def harden_on_battery(
@@ -23,6 +25,7 @@ def harden_on_battery(
     budget: str = "quick",
     vehicles: Sequence[str] = (),
     settings: HardenSettings | None = None,
+    interpolation: Interpolation | None = None,
     command: str = "",
     **means: Unpack[Means],
 ) -> Path:
@@ -32,6 +35,7 @@ def harden_on_battery(
         detector: a name or file, of a kind that can be trained.
         out: where the weights are linked to.
         battery, budget, vehicles: as of :func:`~rauca_core.study.assess.assess`; they say what is trained on.
+        interpolation: how much of what was learnt is kept, and how that is decided.
         command: what was typed, for the weights' card.
 
     Returns:
@@ -45,6 +49,9 @@ def harden_on_battery(
     engine = open_engine(user_cache(), [], **means)
     frames = EFFORTS[budget].frames
     with alone_in(out):
-        data = engine.make(*(frozen.attack_views(choice, frames) for _, choice in frozen.choices(vehicles)))
-        (folder,) = engine.make(recipe_of(engine, detector, data, data, [], chosen, out, command))
+        shown = [choice for _, choice in frozen.choices(vehicles)]
+        data = engine.make(*(frozen.attack_views(choice, frames) for choice in shown))
+        learnt = recipe_of(engine, detector, data, data, [], chosen, out, command)
+        keeping = interpolation or Interpolation()
+        (folder,) = engine.make(interpolated(detector, learnt, shown[0], data, keeping, HeldOut()))
         return link_weights(folder, out)

@@ -21,11 +21,10 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from ..attack.paint import Paint
-from ..contract import Dataset, RaucaError, Scenery, balanced_frames, load_vehicle
+from ..contract import Dataset, RaucaError
 from ..contract.schema import Record
 from ..detect import Detector
 from ..runtime.folder_lock import alone_in
-from ..runtime.images import read_image
 from . import recipes
 from .artifact import digest_of
 from .candidates import (
@@ -46,7 +45,7 @@ from .judging import Judges, Place, judge
 from .makers import CAMOUFLAGE
 from .store import user_cache
 from .study import Study
-from .views import HeldOut, weather_sets, weathers_named
+from .views import HeldOut, views_of, weather_sets, weathers_named
 
 AnyPaint = Paint | Path | str
 
@@ -128,18 +127,11 @@ def held_out_places(
     vehicles: Iterable[VehicleChoice], weathers: Sequence[str], held_out: HeldOut, scene: Path | None = None
 ) -> list[Place]:
     """The held-out views of vehicles under sets of weathers, to be rendered in the vehicle's reference paint."""
-    places = []
-    for vehicle in vehicles:
-        body = recipes.vehicle_in(vehicle.folder)
-        fitted = held_out.fitted(load_vehicle(vehicle.folder, read_image).positions)
-        for name in weathers:
-            plan = fitted.plan(vehicle.name, vehicle.atlas_id, weathers_named(name))
-            plan = plan if scene is None else replace(plan, scenery=Scenery.of_file(scene))
-            driven = [frame.id for frame in plan.frames()] if plan.clips else None
-            frames, called = driven or balanced_frames(plan, fitted.frames), Path(name).stem
-            views = recipes.data_set(f"{vehicle.name}-{called}", plan, body, frames, scene)
-            places.append(Place(called, vehicle, views))
-    return places
+    return [
+        Place(Path(name).stem, vehicle, views_of(vehicle, Path(name).stem, weathers_named(name), held_out, scene))
+        for vehicle in vehicles
+        for name in weathers
+    ]
 
 
 def given_places(datasets: Sequence[Dataset], vehicles: Iterable[VehicleChoice], scene: Path | None) -> list[Place]:

@@ -6,6 +6,7 @@ Folder, run again to go on; every step only makes what is missing::
                                             links into
     store/hardened/...                      round-<k>/ with the camouflages made against the detector of that round, and
                                             the detector after it
+    store/interpolated/...                  what is kept of the last one, see `interpolated`
     attacks/<vehicle>/                      links to camouflages that it is measured by, see `harden_measures`
     study/                                  both detectors on held-out views, rendered by Cycles, as of `evaluate`
     other_places/                           the same in more places, in the vehicle's own paint: for other objects alone
@@ -38,7 +39,8 @@ from .evaluate import RandomPaint, given_places, held_out_places, keep_paints, o
 from .harden_measures import METHOD, UNSEEN, Measures, adaptive_paints, held_out_paints
 from .harden_rounds import STRONGEST, hardening
 from .hardening import Gains, gains_of
-from .hardening_record import Figures, cost_of
+from .hardening_record import Cost, Figures, cost_of
+from .interpolated import Interpolation, interpolated
 from .judging import Judges, Place, judge
 from .other_classes import OtherClasses, other_classes_of
 from .store import link
@@ -88,6 +90,7 @@ def harden(
     *,
     camouflages: Sequence[Path | str] = (),
     settings: HardenSettings | None = None,
+    interpolation: Interpolation | None = None,
     measures: Measures | None = None,
     views: Sequence[Path | str] = (),
     weathers: Sequence[str] = ("seen",),
@@ -102,6 +105,7 @@ def harden(
         datasets: with light maps, to train on; the first of each vehicle is what it is attacked on to be measured.
         held_out: camouflages, ``FILE`` or ``LABEL=FILE``, to judge by; never trained on.
         camouflages: to train on beside those made on the way.
+        interpolation: how much of what was learnt is kept, and how that is decided.
         measures: by which attacks the result is judged beside them.
         views: rendered views to judge on; made anew, in ``weathers``, when there are none.
 
@@ -109,6 +113,7 @@ def harden(
         RaucaError: a mistake, before any work; a loss that is not finite; a stop.
     """
     out, chosen, measured = Path(out), settings or HardenSettings.make(), measures or Measures()
+    keeping, new = interpolation or Interpolation(), held_out_views or HeldOut(48)
     data, trained = [Path(one) for one in datasets], [Path(one) for one in camouflages]
     opened, sets = open_views(views), weather_sets(weathers)
     candidates = read_candidates(list(map(str, held_out)), (NORMAL, RANDOM, *measured.labels))
@@ -124,8 +129,9 @@ def harden(
     everyone = [*matched, *unseen]
     with alone_in(out):
         _refuse_trained(candidates, engine.store.place(recipe).glob("round-*/attack/**/camouflage.json"))
-        (folder,) = engine.make(recipe)
-        _refuse_trained(candidates, folder.glob("round-*/attack/**/camouflage.json"))
+        (learnt,) = engine.make(recipe)
+        _refuse_trained(candidates, learnt.glob("round-*/attack/**/camouflage.json"))
+        (folder,) = engine.make(interpolated(detector, recipe, everyone[0], data, keeping, new))
         weights = link_weights(folder, out)
         both = detectors_for(
             [detector, named_as(detector, weights)], [one.category for one in everyone], engine.machine
@@ -133,13 +139,14 @@ def harden(
         before, after = next(iter(both.values()))
         worn = _worn(engine, out, matched, unseen, data, chosen, measured, before, after)
         paints = {one: keep_paints(engine, out / "study", one, some, RandomPaint()) for one, some in worn.items()}
-        new = held_out_views or HeldOut(48)
         places = given_places(opened, everyone, None) if opened else held_out_places(everyone, sets, new)
         study = judge(engine, out / "study", places, paints, Judges(both), command)
         others = _other_places(everyone[0], sets, new, 0 if opened else measured.other_places)
         more = judge(engine, out / "other_places", others, {everyone[0]: {}}, Judges(both), command)
         held = {one.label for one in candidates}
-        figures = _figures(engine, study, more, held, measured, before, after, folder / weights.name, data)
+        figures = _figures(
+            engine, study, more, held, measured, before, after, cost_of(folder / weights.name, learnt), data
+        )
         figures.save(out)
     facts = {
         "detector": Path(detector).name,
@@ -190,7 +197,7 @@ def _figures(
     measures: Measures,
     before: Chosen,
     after: Chosen,
-    weights: Path,
+    cost: Cost,
     data: Sequence[Path],
 ) -> Figures:
     """All figures, from what both detectors found and from the cards of the hardening.
@@ -202,7 +209,7 @@ def _figures(
     gains = [gains_of(entry, *names, sorted(held & set(entry.camouflages)), measures) for entry in study.entries]
     others = [_other_classes(engine, entry, before, after) for entry in study.entries]
     other_places = {entry.weathers: _other_classes(engine, entry, before, after) for entry in more.entries}
-    return Figures(*names, gains, others, cost_of(weights), _unmet(study, data), other_places)
+    return Figures(*names, gains, others, cost, _unmet(study, data), other_places)
 
 
 def recipe_of(

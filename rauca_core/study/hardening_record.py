@@ -57,11 +57,11 @@ class Cost:
     rounds: tuple[Round, ...]
 
 
-def cost_of(weights: Path) -> Cost:
-    """Of a hardening, from the cards beside its weights and in its rounds' folders."""
+def cost_of(weights: Path, learnt: Path) -> Cost:
+    """Of a hardening, from the card beside its weights and those in the folders of its rounds, in ``learnt``."""
     rounds = []
-    for number in range(1, 1 + len(list(weights.parent.glob("round-*/weights.json")))):
-        card, _ = read_any_card(weights.parent / f"round-{number}" / "weights.json")
+    for number in range(1, 1 + len(list(learnt.glob("round-*/weights.json")))):
+        card, _ = read_any_card(learnt / f"round-{number}" / "weights.json")
         ap = card.metrics["ap50"]
         rounds.append(Round(number, ap[ALL], ap.get(WORN), card.cpu_minutes))
     return Cost(read_any_card(weights.with_suffix(".json"))[0].cpu_minutes, tuple(rounds))

@@ -41,6 +41,7 @@ from .defences import make_defence
 from .defences.interface import to_pixels
 from .detecting import detect_in, detections_in, image_of, image_tensor, pictures_in, read_frame_image, source_of
 from .harden_rounds import run_hardening
+from .interpolated import run_interpolation
 from .job import Job, Machine, steps_told
 from .ranking import FILE_NAME as RANKING
 from .ranking import Ranking, rank_camouflages
@@ -259,6 +260,12 @@ def make_hardened(job: Job) -> None:
         run_hardening(dict(job.artifact.options), job.folder, job.machine, job.report)
 
 
+def make_interpolated(job: Job) -> None:
+    """Choose how much of what a hardened detector learnt is kept."""
+    with threads(job.machine.threads):
+        run_interpolation(job)
+
+
 def _scene(artifact: Artifact) -> Path | None:
     scene = artifact.options.get("scene")
     return Path(scene) if scene else None
@@ -323,4 +330,8 @@ KINDS = {
     ),
     "ranking": Kind("camouflages by what hides best", "comparing camouflages", make_ranking, RANKING),
     "hardened": Kind("hardened detectors", "hardening", make_hardened, has_hardened),
+    "interpolated": Kind(
+        "hardened detectors, between as they were and as they learnt", "comparing other objects", make_interpolated,
+        has_hardened,
+    ),
 }  # fmt: skip

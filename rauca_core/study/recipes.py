@@ -179,6 +179,15 @@ def hardened(
     return Artifact("hardened", label, dict(identity), tuple(map(views_in, datasets)), options)
 
 
+def interpolated(detector: str, hardened: Artifact, views: Artifact, agreement: float) -> Artifact:
+    """What is kept of a hardened detector, as views to be rendered decide it."""
+    frames = list(views.options["frames"])
+    settings = {"agreement": agreement, "frames": digest_of(sorted(frames))}
+    return Artifact(
+        "interpolated", hardened.label, settings, (hardened, views), {"detector": detector, "frames": frames}
+    )
+
+
 def _plan_settings(plan: Plan) -> dict[str, Any]:
     """What a plan says of its frames' bytes: neither its name nor Blender's version, which may change meanwhile."""
     fields = replace(plan, name="", blender="").to_json()

@@ -14,8 +14,25 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import MIN_VISIBLE, Clips, Plan, Quality, RaucaError, Ring, Weather, find_preset, preset_notes
+from ..contract import (
+    MIN_VISIBLE,
+    Clips,
+    Plan,
+    Quality,
+    RaucaError,
+    Ring,
+    Scenery,
+    Weather,
+    balanced_frames,
+    find_preset,
+    load_vehicle,
+    preset_notes,
+)
 from ..contract.towns import TEST
+from ..runtime.images import read_image
+from . import recipes
+from .artifact import Artifact
+from .candidates import VehicleChoice
 
 LOG = logging.getLogger(__name__)
 
@@ -85,6 +102,22 @@ class HeldOut:
             quality=Quality(self.samples, composed_fog=False), light=False, locations=self.locations, seed=self.seed,
             clips=self.clips, min_visible=MIN_VISIBLE if self.clips is None else 0.0,
         )  # fmt: skip
+
+
+def views_of(
+    vehicle: VehicleChoice, called: str, weathers: Sequence[Weather], made: HeldOut, scene: Path | None = None
+) -> Artifact:
+    """Views of a vehicle in its reference paint, to be rendered.
+
+    Args:
+        called: the weathers, in the name of the folder.
+        scene: the .blend that it stands in, if that is not the town.
+    """
+    fitted = made.fitted(load_vehicle(vehicle.folder, read_image).positions)
+    plan = fitted.plan(vehicle.name, vehicle.atlas_id, weathers)
+    plan = plan if scene is None else replace(plan, scenery=Scenery.of_file(scene))
+    frames = [frame.id for frame in plan.frames()] if plan.clips else balanced_frames(plan, fitted.frames)
+    return recipes.data_set(f"{vehicle.name}-{called}", plan, recipes.vehicle_in(vehicle.folder), frames, scene)
 
 
 def weather_sets(names: Sequence[str]) -> list[str]:

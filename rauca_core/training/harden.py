@@ -20,8 +20,6 @@ from torch import nn
 from ..contract import RaucaError, load_camouflage
 from ..contract.files import file_digest, write_json
 from ..contract.schema import read_json
-from ..contract.seeding import named_rng
-from ..detect.agreement import Agreement
 from ..detect.interface import Detector
 from ..detect.synth.card import HARDENED, DetectorCard, read_any_card
 from ..environment.frames import LightFrames, SplitBy
@@ -35,7 +33,6 @@ from .camouflaged import CamouflagedSamples
 from .detector import Job, train
 from .fit import describe
 from .hardenable import origin_of
-from .interpolation import Pictures, go_back
 from .loop import RoundReport
 from .measure import ALL, CAR, Findings, Score, measure
 from .origin import Origin
@@ -121,7 +118,7 @@ def harden(
     rounds = _Rounds(wanted, origin)
     with alone_in(wanted.out):
         _claim(wanted.out, rounds.identity)
-        target = wanted.out / f"hardened-{origin.card.name}{origin.suffix}"
+        target = origin.hardened_in(wanted.out)
         if not target.with_suffix(".json").is_file():
             rounds.run(target, on_test, on_step)
     return target
@@ -207,27 +204,7 @@ class _Rounds:
             minutes += read_any_card(after.with_suffix(".json"))[0].cpu_minutes
         assert weights is not None
         network, card = self.origin.network(weights)[0], read_any_card(weights.with_suffix(".json"))[0]
-        told = self._against(pool)
-        if self.settings.agreement:
-            with counted_in(target.parent / "interpolation") as spent:
-                share, found = self._go_back(network, pool[-1])
-                minutes += spent()
-            told |= {"share_of_weights": share, "agreed": found.agreed, "objects": found.objects}
-        self.origin.save(target, network, replace(card, cpu_minutes=round(minutes, 2), hardened=told))
-
-    def _go_back(self, network: nn.Module, watched: Path) -> tuple[float, Agreement]:
-        """Take the hardened weights back as far as the other objects in frames that are held out ask for."""
-        dressed = [i for i in self.tested if self.wears(i, watched)]
-        plain, worn = self.samples([watched], share=0.0), self.samples([watched], share=1.0)
-        shown = [(samples, i) for samples, some in ((plain, self.tested), (worn, dressed)) for i in some]
-        images = [
-            samples.plain(i, named_rng(self.settings.seed, "test paint", i)).image.to(self.device)
-            for samples, i in shown
-        ]
-        vehicles = [np.array(self.frames.places[i].frame.box_xyxy) for _, i in shown]
-        pictures = Pictures(self.origin.detector().to(self.device), images, vehicles)
-        before = self.origin.network()[0].to(self.device).state_dict()
-        return go_back(network.to(self.device), before, self.origin.detecting, pictures, self.settings.agreement)
+        self.origin.save(target, network, replace(card, cpu_minutes=round(minutes, 2), hardened=self._against(pool)))
 
     def _tune(
         self,

@@ -3,7 +3,7 @@
 On the way back along that line a detector soon says of everything but the vehicle what it said before, and loses what
 it learnt of camouflage only later (WiSE-FT; Wortsman et al., Robust fine-tuning of zero-shot models, CVPR 2022). That
 holds for camouflages that do not know it; against an attack that does, much may be lost at once. So the largest share
-is taken that agrees enough with the detector as it was, in frames of places that it did not learn on.
+is taken that agrees enough with the detector as it was, in pictures of places that it did not learn on.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
-from torch.nn import functional
 
 from ..detect.agreement import SEEN, Agreement, agreement_of
 from ..detect.found import Found
@@ -22,8 +21,7 @@ from ..detect.interface import Detector
 
 SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Of what was learnt, largest first; with less than half of it there is little left of a hardening."""
-NEARER = 2 / 3  # of a picture's width and height that its nearer forms show
-CURVES = (1.5, 1 / 1.5)  # exponents of sRGB values: darker, lighter
+MOST_LOOKS = 4  # that it takes to find the right one of them
 
 
 def mixed(before: Mapping[str, Tensor], after: Mapping[str, Tensor], share: float) -> dict[str, Tensor]:
@@ -34,60 +32,37 @@ def mixed(before: Mapping[str, Tensor], after: Mapping[str, Tensor], share: floa
     }
 
 
-def forms_of(image: Tensor, vehicle: NDArray[np.float64]) -> tuple[Tensor, NDArray[np.float64]]:
-    """A picture as it is, mirrored, nearer on its left and on its right, darker and lighter.
-
-    Few objects stand beside the vehicles of a data set, and a share decided by ten of them is luck. These forms show
-    each of them anew, and need no render.
-
-    Args:
-        image: (3, H, W) sRGB in [0, 1].
-        vehicle: box (4,) xyxy of the vehicle, pixels.
-
-    Returns:
-        (6, 3, H, W), and the box in each (6, 4); it may reach beyond the picture.
-    """
-    height, width = image.shape[1:]
-    x0, y0, x1, y1 = vehicle
-    rows, columns = round(NEARER * height), round(NEARER * width)
-    top = (height - rows) // 2
-    pictures, boxes = [image, image.flip(2)], [vehicle, np.array([width - x1, y0, width - x0, y1])]
-    for left in (0, width - columns):
-        part = image[None, :, top : top + rows, left : left + columns]
-        pictures.append(functional.interpolate(part, size=(height, width), mode="bilinear")[0])
-        scale = np.array([width / columns, height / rows] * 2)
-        boxes.append((vehicle - np.array([left, top] * 2)) * scale)
-    pictures += [image.clamp(0, 1).pow(curve) for curve in CURVES]
-    return torch.stack(pictures), np.stack(boxes + [vehicle] * len(CURVES))
-
-
 class Pictures:
-    """Pictures, in all their forms, in which a detector is compared with one as it was."""
+    """Pictures in which a detector is compared with one as it was."""
 
-    def __init__(self, before: Detector, images: Sequence[Tensor], vehicles: Sequence[NDArray[np.float64]]) -> None:
+    def __init__(
+        self, before: Detector, images: Sequence[Tensor], vehicles: Sequence[NDArray[np.float64] | None]
+    ) -> None:
         """Look at the pictures with the detector as it was.
 
         Args:
             images: (3, H, W) sRGB in [0, 1], on the device that detectors lie on.
-            vehicles: boxes (4,) xyxy of the vehicle in each, pixels: what lies in them does not count.
+            vehicles: boxes (4,) xyxy of the vehicle in each, pixels: what lies in them does not count. None where it
+                is not to be seen.
         """
-        self._shown = list(zip(images, vehicles, strict=True))
+        self._images, self._vehicles = images, vehicles
         self._was = self._found(before)
 
     def agreement(self, detector: Detector) -> Agreement:
         """On the objects beside the vehicles."""
-        pairs = zip(self._was, self._found(detector), strict=True)
-        return agreement_of((was, found, vehicle) for (was, vehicle), (found, _) in pairs)
+        return agreement_of(zip(self._was, self._found(detector), self._vehicles, strict=True))
 
-    def _found(self, detector: Detector) -> list[tuple[Found, NDArray[np.float64]]]:
-        """What a detector finds in every form, and the vehicle's box there."""
-        found = []
-        for image, vehicle in self._shown:
-            pictures, boxes = forms_of(image, vehicle)
-            for one, box in zip(detector.detect(pictures, SEEN), boxes, strict=True):
-                names = tuple(detector.class_names[label] for label in one.labels.tolist())
-                found.append((Found(one.boxes.double().cpu().numpy(), one.scores.double().cpu().numpy(), names), box))
-        return found
+    def _found(self, detector: Detector) -> list[Found]:
+        """What a detector finds in each."""
+        seen = [detector.detect(image[None], SEEN)[0] for image in self._images]
+        return [
+            Found(
+                one.boxes.double().cpu().numpy(),
+                one.scores.double().cpu().numpy(),
+                tuple(detector.class_names[label] for label in one.labels.tolist()),
+            )
+            for one in seen
+        ]
 
 
 def go_back(
@@ -96,6 +71,7 @@ def go_back(
     detecting: Callable[[nn.Module], Detector],
     pictures: Pictures,
     wanted: float,
+    on_look: Callable[[float, Agreement], None] = lambda share, found: None,
 ) -> tuple[float, Agreement]:
     """Take a network that learnt back towards what it was, no farther than is needed.
 
@@ -104,6 +80,7 @@ def go_back(
         before: its weights before it learnt.
         detecting: makes a detector of it.
         wanted: share of the objects beside the vehicles that it is to agree on with the detector as it was.
+        on_look: called with each share that was looked at, and its agreement.
 
     Returns:
         The share of what was learnt that it keeps, and the agreement with it.
@@ -112,7 +89,9 @@ def go_back(
 
     def agreement(share: float) -> Agreement:
         network.load_state_dict(mixed(before, after, share))
-        return pictures.agreement(detecting(network.eval()))
+        found = pictures.agreement(detecting(network.eval()))
+        on_look(share, found)
+        return found
 
     share, found = largest_share(agreement, wanted)
     network.load_state_dict(mixed(before, after, share))

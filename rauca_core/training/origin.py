@@ -68,6 +68,10 @@ class Origin:
         """The detector of weights that :meth:`save` wrote."""
         return load_weights(weights)
 
+    def hardened_in(self, folder: Path) -> Path:
+        """The weights that a hardening leaves in a folder, its card beside them."""
+        return folder / f"hardened-{self.card.name}{self.suffix}"
+
     def save(self, path: Path, network: nn.Module, card: DetectorCard) -> None:
         """Write weights with their card, which comes last."""
         save_weights(path, network.network if isinstance(network, OwnStudent) else network, card)

@@ -84,8 +84,6 @@ class HardenSettings(Learning):
             none.
         share: of frames that wear a camouflage, where one fits; the others wear plain paint, as in the first training.
         map_size, samples: of the neural renderer that composes the frames, and of the attack's.
-        agreement: share of the objects beside the vehicles on which the result is to agree with the detector as it
-            was, see :mod:`.interpolation`; 0 keeps the weights as they learnt.
         batch, lr, ema, precision, inner_step, every: of the fine-tuning, see ``DetectorSettings``
             (``every`` is its ``round``); ``lr`` None takes a share of the detector's own.
     """
@@ -108,7 +106,6 @@ class HardenSettings(Learning):
     ema: float = Field(0.98, ge=0, lt=1)
     precision: Literal["float32", "bfloat16"] = "float32"
     inner_step: float = Field(0.5, ge=0, le=1)
-    agreement: float = Field(0.97, ge=0, le=1)
     every: int = Field(60, ge=1)
 
     def attack_length(self, number: int) -> int:

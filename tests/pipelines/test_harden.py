@@ -56,6 +56,7 @@ GOOD = ["frcnn-synth", "--data", "data", "--held-out", "one=one.json"]
         ([*GOOD, "--weathers", "hail"], "weather preset 'hail' is unknown"),
         ([*GOOD, "--views", "nowhere"], "nowhere: not a data set"),
         ([*GOOD, "--share", "1"], "share: "),
+        ([*GOOD, "--agreement", "97"], "--agreement 97.0: give a share from 0 to 1"),
         ([*GOOD, "--attack-steps", "0", "--budgets", "none"], "nothing to harden against"),
         (["ssd-mobilenet-v2x", *GOOD[1:]], "ssd-mobilenet-v2x"),
     ],
@@ -70,7 +71,10 @@ def test_a_judge_is_needed(folder: Path) -> None:
     assert "Missing option" in CliRunner().invoke(app, ["harden", "frcnn-synth", "--data", "data", "--out", "x"]).output
 
 
-SHORT = ["--rounds", "1", "--steps", "1", "--batch", "1", "--attack-steps", "1", "--map-size", "64", "--samples", "2"]
+SHORT = [
+    *("--rounds", "1", "--steps", "1", "--batch", "1", "--attack-steps", "1", "--map-size", "64", "--samples", "2"),
+    *("--agreement", "0"),
+]
 
 
 @pytest.fixture

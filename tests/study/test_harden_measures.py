@@ -10,21 +10,29 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
+from torch import Tensor
 
 from benchmarks.stability.detectors import SmallDetector
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import Vehicle, load_camouflage, load_vehicle, read_plan
 from rauca_core.contract.files import file_digest
+from rauca_core.contract.towns import VALIDATION
+from rauca_core.detect.agreement import Agreement
+from rauca_core.detect.load import resolve
+from rauca_core.detect.synth.card import load_network, read_card
 from rauca_core.report import write_hardening
 from rauca_core.runtime.images import read_image
 from rauca_core.study.engine import Engine, open_engine
 from rauca_core.study.harden import Hardened, harden
 from rauca_core.study.harden_measures import Measures
 from rauca_core.study.harden_rounds import attack_folder, hardening
+from rauca_core.study.interpolated import Interpolation
 from rauca_core.study.job import Machine
 from rauca_core.study.study import load_study
 from rauca_core.study.views import HeldOut
+from rauca_core.training.interpolation import Pictures
 from rauca_core.training.settings import HardenSettings
 from tests.study.drawn_blender import DrawnBlender, drawn_blender
 from tests.study.page import whole_page
@@ -51,8 +59,8 @@ def asked(tmp_path: Path, box_vehicle: Vehicle, drawn_blender: DrawnBlender):
     def run() -> Hardened:
         return harden(
             "frcnn-synth", [folders["box"]], [f"held={tmp_path / 'held.json'}"], tmp_path / "out",
-            settings=HardenSettings.make(**TINY),
-            measures=Measures((1, 2), 2, ("dta",), (folders["mirrored"],)),
+            settings=HardenSettings.make(**TINY), held_out_views=HeldOut(size=64),
+            interpolation=Interpolation(places=3), measures=Measures((1, 2), 2, ("dta",), (folders["mirrored"],)),
             views=[folders["views-box"], folders["views-mirrored"]],
         )  # fmt: skip
 
@@ -77,7 +85,8 @@ def test_every_measure_is_made_once_and_recorded(asked, tmp_path: Path, monkeypa
     assert (record["adaptive_3x"], record["held_out_weathers"]) == (None, None)
     assert [entry["vehicle"] for entry in record["entries"]] == ["box", "mirrored"]
     (hardened,) = (tmp_path / "out" / "store" / "hardened").iterdir()
-    going_back = json.loads((hardened / "interpolation" / "cpu.json").read_text())["cpu_minutes"]
+    (kept,) = (tmp_path / "out" / "store" / "interpolated").iterdir()
+    going_back = json.loads((kept / "cpu.json").read_text())["cpu_minutes"]
     rounds = sum(one["cpu_minutes"] for one in record["rounds"])
     assert record["cpu_minutes"] == pytest.approx(rounds + going_back, abs=0.01)
     assert record["cpu_minutes"] > 0
@@ -135,7 +144,8 @@ def test_other_objects_are_looked_at_in_places_of_their_own(
     def asked(**given: Any) -> dict[str, Any]:
         harden(
             "frcnn-synth", [data], [f"held={tmp_path / 'held.json'}"], tmp_path / "out",
-            settings=HardenSettings.make(**TINY), measures=Measures(budgets=(), other_places=3), **given,
+            settings=HardenSettings.make(**TINY), interpolation=Interpolation(0.0),
+            measures=Measures(budgets=(), other_places=3), **given,
         )  # fmt: skip
         return json.loads((tmp_path / "out" / "hardening.json").read_text())
 
@@ -150,6 +160,50 @@ def test_other_objects_are_looked_at_in_places_of_their_own(
         assert {row.id.split("-")[0] for row in entry.results.frames} == {"L00", "L01", "L02"}
     towns = [{read_plan(entry.views).seed for entry in study.entries} for study in (judged, more)]
     assert not towns[0] & towns[1]
+
+
+def test_what_is_kept_is_decided_in_validation_places_and_costs_no_training(
+    tmp_path: Path, box_vehicle: Vehicle, drawn_blender: DrawnBlender, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A detector that never agrees goes back to half of what it learnt, in weights; none is asked for: all of it."""
+    data = make_dataset(tmp_path / "box", box_vehicle, 64, SIDES).folder
+    random_camouflage(tmp_path / "held.json", load_vehicle(data / "vehicle", read_image), 64, seed=5, cell=8)
+    views = make_dataset(tmp_path / "views", box_vehicle, 64, SIDES, light=False).folder
+    out = tmp_path / "out"
+
+    def asked(agreement: float) -> Hardened:
+        return harden(
+            "frcnn-synth", [data], [f"held={tmp_path / 'held.json'}"], out, settings=HardenSettings.make(**TINY),
+            interpolation=Interpolation(agreement, 3), measures=Measures(budgets=()), views=[views],
+            held_out_views=HeldOut(size=64),
+        )  # fmt: skip
+
+    def weights() -> dict[str, Tensor]:
+        return load_network(out / "hardened-frcnn-synth.safetensors")[0].state_dict()
+
+    assert "share of what was learnt" not in asked(0.0).facts
+    assert not drawn_blender.frames["make_dataset"]
+    learnt = weights()
+    assert asked(0.97).facts["share of what was learnt"] == "100%"  # so little was learnt that nothing changed
+    (shown,) = (out / "store" / "views").iterdir()
+    plan = read_plan(shown)
+    assert plan.seed in VALIDATION.values()
+    assert plan.weathers == read_plan(data).weathers
+    assert len(list((shown / "frames").iterdir())) == plan.locations == drawn_blender.frames["make_dataset"] == 3
+    assert all(torch.equal(value, learnt[name]) for name, value in weights().items())
+
+    monkeypatch.setattr(Pictures, "agreement", lambda *_: Agreement(9, 10, 4, 5))
+    found = asked(0.98)
+    first = load_network(resolve("frcnn-synth").files[0])[0].state_dict()
+    assert any(not torch.allclose(value, first[name], rtol=2e-3) for name, value in learnt.items())
+    for name, value in weights().items():
+        middle = torch.lerp(first[name], learnt[name], 0.5).half() if value.is_floating_point() else learnt[name]
+        assert torch.allclose(value, middle.to(value.dtype), rtol=1e-3)  # the file is of half precision
+    assert found.facts["share of what was learnt"] == "50%"
+    card = read_card((out / "hardened-frcnn-synth.json").resolve())[0].hardened
+    assert (card["share_of_weights"], card["agreed"], card["objects"], card["rounds"]) == (0.5, 9, 10, 2)
+    assert drawn_blender.frames["make_dataset"] == 3
+    assert [len(list((out / "store" / kind).iterdir())) for kind in ("hardened", "interpolated")] == [1, 2]
 
 
 @pytest.mark.parametrize("restarts", [1, 2])

@@ -23,6 +23,7 @@ from rauca_core.detect.synth.network import Truth
 from rauca_core.runtime.images import read_image
 from rauca_core.training.harden import Hardening, harden
 from rauca_core.training.hardenable import named_as, origin_of
+from rauca_core.training.interpolation import mixed
 from rauca_core.training.onnx_origin import OnnxOrigin
 from rauca_core.training.settings import HardenSettings
 
@@ -154,7 +155,13 @@ def test_a_hardening_of_a_file_ends_in_a_file(exported: Exported, tmp_path: Path
     assert changed
     card, _ = read_any_card(whole.with_suffix(".json"))
     assert (card.steps, card.settings["rounds"], card.metrics["ap50"]["all"]) == (4, 2, 0.5)
-    assert 0.5 <= card.hardened["share_of_weights"] <= 1
+
+    origin, half = origin_of(str(path)), tmp_path / "half.onnx"  # kept of what was learnt
+    network = origin.network(whole)[0]
+    network.load_state_dict(mixed(origin.network()[0].state_dict(), network.state_dict(), 0.5))
+    origin.save(half, network, card)
+    first, last, between = numbers(path), numbers(whole), numbers(half)
+    assert all(np.allclose(between[name], (first[name] + last[name]) / 2, rtol=1e-5, atol=1e-7) for name in changed)
 
     def stop(number: int, done: int, steps: int, loss: float) -> None:
         if (number, done) == (2, 1):
