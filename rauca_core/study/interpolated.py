@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..contract import Progress, RaucaError, read_plan
+from ..contract import Dataset, Progress, RaucaError, read_plan
 from ..contract.towns import VALIDATION
 from ..detect.agreement import Agreement
 from ..detect.synth.card import read_any_card
@@ -79,7 +79,8 @@ def run_interpolation(job: Job) -> None:
     """Take what a hardening learnt back as far as the views ask for, and save the detector of it."""
     (hardened, views), options, device = job.inputs, job.artifact.options, find_device(job.machine.device)
     origin = origin_of(options["detector"])
-    shown, looked = pictures_in(views, options["frames"]), 0
+    wanted, looked = set(options["frames"]), 0  # one in which the vehicle is hidden was not rendered
+    shown = pictures_in(views, [frame.id for frame in Dataset(views).frames() if frame.id in wanted])
 
     def tell(share: float, agreement: Agreement) -> None:
         nonlocal looked
@@ -94,8 +95,8 @@ def run_interpolation(job: Job) -> None:
         learnt = origin.hardened_in(hardened)
         network, card = origin.network(learnt)[0].to(device), read_any_card(learnt.with_suffix(".json"))[0]
         before = origin.network()[0].to(device).state_dict()
-        wanted = job.artifact.settings["agreement"]
-        share, found = go_back(network, before, origin.detecting, pictures, wanted, tell)
+        agreement = job.artifact.settings["agreement"]
+        share, found = go_back(network, before, origin.detecting, pictures, agreement, tell)
         told = {**card.hardened, "share_of_weights": share, "agreed": found.agreed, "objects": found.objects}
         minutes = round(card.cpu_minutes + spent(), 2)
     origin.save(origin.hardened_in(job.folder), network, replace(card, cpu_minutes=minutes, hardened=told))

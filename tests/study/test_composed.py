@@ -83,6 +83,7 @@ OPENS = {
     "rauca_core/study/harden.py": LEARNS,
     "rauca_core/study/harden_measures.py": LEARNS,
     "rauca_core/study/harden_rounds.py": LEARNS,
+    "rauca_core/study/interpolated.py": MAKES,
     "rauca_core/study/judging.py": MAKES,
     "rauca_core/study/makers.py": MAKES,
     "rauca_core/study/ranking.py": JUDGES,

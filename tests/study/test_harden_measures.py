@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from torch import Tensor
 from benchmarks.stability.detectors import SmallDetector
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.attack import random_camouflage
-from rauca_core.contract import Vehicle, load_camouflage, load_vehicle, read_plan
+from rauca_core.contract import LedgerEntry, Vehicle, append_entry, load_camouflage, load_vehicle, read_plan
 from rauca_core.contract.files import file_digest
 from rauca_core.contract.towns import VALIDATION
 from rauca_core.detect.agreement import Agreement
@@ -192,6 +193,9 @@ def test_what_is_kept_is_decided_in_validation_places_and_costs_no_training(
     assert len(list((shown / "frames").iterdir())) == plan.locations == drawn_blender.frames["make_dataset"] == 3
     assert all(torch.equal(value, learnt[name]) for name, value in weights().items())
 
+    hidden = next((shown / "frames").iterdir())  # Blender renders none where the vehicle is not to be seen
+    shutil.rmtree(hidden)
+    append_entry(shown, LedgerEntry(hidden.name, "occluded"))
     monkeypatch.setattr(Pictures, "agreement", lambda *_: Agreement(9, 10, 4, 5))
     found = asked(0.98)
     first = load_network(resolve("frcnn-synth").files[0])[0].state_dict()
