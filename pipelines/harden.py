@@ -75,7 +75,7 @@ def harden(
         float, training_option(help="with the detector as it was, on other objects; 0 keeps the weights as they learnt")
     ] = 0.97,
     agreement_places: Annotated[
-        int, training_option(min=1, help="new places, a view of each, that decide how much is kept for that")
+        int, training_option(min=1, help="new places that decide how much of what was learnt is kept")
     ] = 192,
     share: Annotated[float, training_option(help="of training frames that wear a camouflage")] = 0.5,
     batch: Annotated[int, training_option(help="images per step of fine-tuning")] = 8,

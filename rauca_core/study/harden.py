@@ -292,7 +292,10 @@ def _told_of_weights(weights: Path) -> dict[str, object]:
     """How much of what was learnt they hold, where they were taken back at all."""
     against = read_any_card(weights.with_suffix(".json"))[0].hardened
     share = against.get("share_of_weights")
-    return {} if share is None else {"share of what was learnt": f"{share:.0%}"}
+    if share is None:
+        return {}
+    decided = f"{against['agreed']} of {against['objects']} other objects as before"
+    return {"share of what was learnt": f"{share:.0%}", "in the places that decided it": decided}
 
 
 def _unmet(study: Study, data: Sequence[Path]) -> frozenset[str]:

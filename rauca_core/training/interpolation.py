@@ -2,12 +2,15 @@
 
 On the way back along that line a detector soon says of everything but the vehicle what it said before, and loses what
 it learnt of camouflage only later (WiSE-FT; Wortsman et al., Robust fine-tuning of zero-shot models, CVPR 2022). That
-holds for camouflages that do not know it; against an attack that does, much may be lost at once. So the largest share
-is taken that agrees enough with the detector as it was, in pictures of places that it did not learn on.
+holds for camouflages that do not know it; against an attack that does, much may be lost at once. So nothing is given
+back that need not be: the largest share is taken of which pictures of new places do not show that it agrees too little
+with the detector as it was. An agreement that misses by less than its standard error shows nothing, as in the
+one-standard-error rule (Breiman et al., Classification and Regression Trees, 1984).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -48,9 +51,10 @@ class Pictures:
         self._images, self._vehicles = images, vehicles
         self._was = self._found(before)
 
-    def agreement(self, detector: Detector) -> Agreement:
-        """On the objects beside the vehicles."""
-        return agreement_of(zip(self._was, self._found(detector), self._vehicles, strict=True))
+    def agreements(self, detector: Detector) -> list[Agreement]:
+        """On the objects beside the vehicle in each."""
+        pairs = zip(self._was, self._found(detector), self._vehicles, strict=True)
+        return [agreement_of([pair]) for pair in pairs]
 
     def _found(self, detector: Detector) -> list[Found]:
         """What a detector finds in each."""
@@ -79,7 +83,8 @@ def go_back(
         network: has the chosen weights afterwards, in evaluation mode.
         before: its weights before it learnt.
         detecting: makes a detector of it.
-        wanted: share of the objects beside the vehicles that it is to agree on with the detector as it was.
+        wanted: share of the objects beside the vehicles that it is to agree on with the detector as it was, but for a
+            standard error.
         on_look: called with each share that was looked at, and its agreement.
 
     Returns:
@@ -87,28 +92,34 @@ def go_back(
     """
     after = {name: tensor.clone() for name, tensor in network.state_dict().items()}
 
-    def agreement(share: float) -> Agreement:
+    def agreements(share: float) -> list[Agreement]:
         network.load_state_dict(mixed(before, after, share))
-        found = pictures.agreement(detecting(network.eval()))
-        on_look(share, found)
-        return found
+        each = pictures.agreements(detecting(network.eval()))
+        on_look(share, sum(each, Agreement()))
+        return each
 
-    share, found = largest_share(agreement, wanted)
+    share, found = largest_share(agreements, wanted)
     network.load_state_dict(mixed(before, after, share))
     return share, found
 
 
-def largest_share(agreement: Callable[[float], Agreement], wanted: float) -> tuple[float, Agreement]:
-    """The largest of :data:`SHARES` whose agreement is at least ``wanted``, else the smallest, and that agreement.
+def largest_share(agreements: Callable[[float], Sequence[Agreement]], wanted: float) -> tuple[float, Agreement]:
+    """The largest of :data:`SHARES` that is not shown to agree on less than ``wanted``, else the smallest.
 
     Agreement is taken to grow as the share falls, so that half of the shares are not looked at.
+
+    Args:
+        agreements: of a share, in each picture.
+
+    Returns:
+        The share, and its agreement in all pictures.
     """
-    seen: dict[float, Agreement] = {}
+    seen: dict[float, Sequence[Agreement]] = {}
 
     def enough(share: float) -> bool:
-        seen[share] = agreement(share)
-        found = seen[share].share
-        return found is None or found >= wanted
+        seen[share] = agreements(share)
+        found = sum(seen[share], Agreement()).share
+        return found is None or found + standard_error(seen[share]) >= wanted
 
     low, high = 0, len(SHARES) - 1  # the answer is one of these and those between
     while low < high:
@@ -118,4 +129,15 @@ def largest_share(agreement: Callable[[float], Agreement], wanted: float) -> tup
         else:
             low = middle + 1
     share = SHARES[low]
-    return share, seen[share] if share in seen else agreement(share)
+    return share, sum(seen[share] if share in seen else agreements(share), Agreement())
+
+
+def standard_error(agreements: Sequence[Agreement]) -> float:
+    """Of the share of all objects that agree, over pictures drawn at random: of a ratio, to first order (Cochran,
+    Sampling Techniques, 1977, eq. 2.39). Objects in fewer than two pictures say nothing, and it is infinite."""
+    each = np.array([(one.agreed, one.objects) for one in agreements if one.objects], np.float64).reshape(-1, 2)
+    count, (agreed, objects) = len(each), each.sum(0)
+    if count < 2:
+        return math.inf
+    residuals = each[:, 0] - agreed / objects * each[:, 1]
+    return float(np.sqrt(count / (count - 1) * np.square(residuals).sum()) / objects)

@@ -12,7 +12,15 @@ from torch import Tensor, nn
 
 from rauca_core.detect import Detections
 from rauca_core.detect.agreement import Agreement
-from rauca_core.training.interpolation import MOST_LOOKS, SHARES, Pictures, go_back, largest_share, mixed
+from rauca_core.training.interpolation import (
+    MOST_LOOKS,
+    SHARES,
+    Pictures,
+    go_back,
+    largest_share,
+    mixed,
+    standard_error,
+)
 
 DOG, CAR = (2.0, 2.0, 12.0, 12.0), (20.0, 40.0, 60.0, 60.0)
 
@@ -65,11 +73,32 @@ def test_no_more_is_given_back_than_the_other_objects_ask_for(score: float, want
 def test_the_largest_share_that_agrees_is_found_in_four_looks(enough: float) -> None:
     looked: list[float] = []
 
-    def agreement(share: float) -> Agreement:
+    def agreements(share: float) -> list[Agreement]:
         looked.append(share)
-        return Agreement(10 if share <= enough else 9, 10)
+        return [Agreement(10 if share <= enough else 9, 10)] * 2 + [Agreement()]
 
-    share, agreed = largest_share(agreement, 0.97)
+    share, agreed = largest_share(agreements, 0.97)
     assert share == max(enough, SHARES[-1])
-    assert agreed.agreed == (10 if enough else 9)
+    assert agreed == Agreement(20 if enough else 18, 20)
     assert len(looked) == len(set(looked)) <= MOST_LOOKS
+
+
+@pytest.mark.parametrize(("pictures", "share"), [(1, 1.0), (10, 1.0), (100, 0.5)])
+def test_a_few_pictures_do_not_show_that_anything_must_be_given_back(pictures: int, share: float) -> None:
+    """One object in ten is said otherwise at every share: of ten that may be luck, of a hundred it is not."""
+    each = [Agreement(int(k % 10 > 0), 1) for k in range(pictures)]
+    assert largest_share(lambda _: each, 0.97)[0] == share
+
+
+def test_the_standard_error_is_that_of_shares_and_of_resampled_places() -> None:
+    single = [Agreement(int(k % 4 > 0), 1) for k in range(40)]
+    assert standard_error(single) == pytest.approx(np.sqrt(0.75 * 0.25 / 39))
+    assert standard_error([*single, *[Agreement()] * 7]) == standard_error(single)  # nothing is there to be seen
+    rng = np.random.default_rng(0)
+    objects = rng.integers(1, 9, 60)
+    agreed = rng.binomial(objects, rng.choice([0.2, 1.0], 60, p=[0.1, 0.9]))
+    drawn = rng.integers(0, 60, (4000, 60))
+    resampled = agreed[drawn].sum(1) / objects[drawn].sum(1)
+    found = standard_error([Agreement(int(a), int(n)) for a, n in zip(agreed, objects, strict=True)])
+    assert found == pytest.approx(resampled.std(), rel=0.1)
+    assert standard_error(single[:1]) == standard_error([]) == np.inf

@@ -196,7 +196,7 @@ def test_what_is_kept_is_decided_in_validation_places_and_costs_no_training(
     hidden = next((shown / "frames").iterdir())  # Blender renders none where the vehicle is not to be seen
     shutil.rmtree(hidden)
     append_entry(shown, LedgerEntry(hidden.name, "occluded"))
-    monkeypatch.setattr(Pictures, "agreement", lambda *_: Agreement(9, 10, 4, 5))
+    monkeypatch.setattr(Pictures, "agreements", lambda *_: [Agreement(9, 10, 4, 5)] * 2)
     found = asked(0.98)
     first = load_network(resolve("frcnn-synth").files[0])[0].state_dict()
     assert any(not torch.allclose(value, first[name], rtol=2e-3) for name, value in learnt.items())
@@ -204,8 +204,9 @@ def test_what_is_kept_is_decided_in_validation_places_and_costs_no_training(
         middle = torch.lerp(first[name], learnt[name], 0.5).half() if value.is_floating_point() else learnt[name]
         assert torch.allclose(value, middle.to(value.dtype), rtol=1e-3)  # the file is of half precision
     assert found.facts["share of what was learnt"] == "50%"
+    assert found.facts["in the places that decided it"] == "18 of 20 other objects as before"
     card = read_card((out / "hardened-frcnn-synth.json").resolve())[0].hardened
-    assert (card["share_of_weights"], card["agreed"], card["objects"], card["rounds"]) == (0.5, 9, 10, 2)
+    assert (card["share_of_weights"], card["agreed"], card["objects"], card["rounds"]) == (0.5, 18, 20, 2)
     assert drawn_blender.frames["make_dataset"] == 3
     assert [len(list((out / "store" / kind).iterdir())) for kind in ("hardened", "interpolated")] == [1, 2]
 
