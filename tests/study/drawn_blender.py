@@ -54,6 +54,7 @@ class DrawnBlender:
             if not (job.out / "frames" / task.id).is_dir():
                 azimuth = plan.ring.nominal(task.view)[0] if plan.clips is None else 10.0 * task.view
                 frame, passes = draw_frame(vehicle, around(azimuth, plan.size), task.id, task.view, task.weather)
+                frame = replace(frame, location=task.location)
                 if plan.clips is not None:
                     clip = clip_name(plan.clips, task.location, task.view, task.weather.name)
                     time_s = plan.clips.at(task.view)[1]
