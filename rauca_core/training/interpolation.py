@@ -134,7 +134,7 @@ def largest_share(agreements: Callable[[float], Sequence[Agreement]], wanted: fl
 
 def standard_error(agreements: Sequence[Agreement]) -> float:
     """Of the share of all objects that agree, over pictures drawn at random: of a ratio, to first order (Cochran,
-    Sampling Techniques, 1977, eq. 2.39). Objects in fewer than two pictures say nothing, and it is infinite."""
+    Sampling Techniques, 1977, on ratios). Objects in fewer than two pictures say nothing, and it is infinite."""
     each = np.array([(one.agreed, one.objects) for one in agreements if one.objects], np.float64).reshape(-1, 2)
     count, (agreed, objects) = len(each), each.sum(0)
     if count < 2:
