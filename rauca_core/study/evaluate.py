@@ -45,7 +45,7 @@ from .judging import Judges, Place, judge
 from .makers import CAMOUFLAGE
 from .store import user_cache
 from .study import Study
-from .views import HeldOut, views_of, weather_sets, weathers_named
+from .views import HeldOut, weather_sets, weather_views, weathers_named
 
 AnyPaint = Paint | Path | str
 
@@ -127,10 +127,11 @@ def held_out_places(
     vehicles: Iterable[VehicleChoice], weathers: Sequence[str], held_out: HeldOut, scene: Path | None = None
 ) -> list[Place]:
     """The held-out views of vehicles under sets of weathers, to be rendered in the vehicle's reference paint."""
+    sets = {Path(name).stem: weathers_named(name) for name in weathers}
     return [
-        Place(Path(name).stem, vehicle, views_of(vehicle, Path(name).stem, weathers_named(name), held_out, scene))
+        Place(called, vehicle, views)
         for vehicle in vehicles
-        for name in weathers
+        for called, views in weather_views(vehicle, sets, held_out, scene).items()
     ]
 
 

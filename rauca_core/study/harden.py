@@ -16,7 +16,7 @@ Folder, run again to go on; every step only makes what is missing::
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack
 
@@ -185,7 +185,7 @@ def _worn(
 
 def _other_places(vehicle: VehicleChoice, weathers: Sequence[str], views: HeldOut, count: int) -> list[Place]:
     """Places in which other objects alone are looked at: so many of a town of their own, a view of each."""
-    there = replace(views, frames=count, locations=count, seed=TEST["beside the vehicle, of hardened detectors"])
+    there = views.one_a_place(count, TEST["beside the vehicle, of hardened detectors"])
     return held_out_places([vehicle], weathers, there) if count else []
 
 

@@ -27,7 +27,7 @@ from .artifact import Artifact
 from .candidates import VehicleChoice
 from .detecting import image_tensor, pictures_in
 from .job import Job
-from .views import HeldOut, views_of
+from .views import HeldOut, weather_views
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ def interpolated(
         return hardened
     weathers = {weather.name: weather for folder in data for weather in read_plan(folder).weathers}
     town = VALIDATION["share of a hardening that is kept"]
-    there = replace(like, frames=chosen.places, locations=chosen.places, seed=town)
-    views = views_of(vehicle, "validation", tuple(weathers.values()), there)
+    sets = {"validation": tuple(weathers.values())}
+    views = weather_views(vehicle, sets, like.one_a_place(chosen.places, town))["validation"]
     return recipes.interpolated(detector, hardened, views, chosen.agreement)
 
 

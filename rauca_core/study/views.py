@@ -7,7 +7,7 @@ The plan is as large as the published ones: 8 azimuths, 4 elevations and 4 dista
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -78,6 +78,10 @@ class HeldOut:
         town = TEST["held-out clips"] if seed is None else seed
         return HeldOut(locations=1, size=size, samples=samples, seed=town, clips=clips)
 
+    def one_a_place(self, places: int, town: int) -> HeldOut:
+        """The same, but a single view in each of so many places of a town."""
+        return replace(self, frames=places, locations=places, seed=town)
+
     def fitted(self, positions: NDArray[np.float32]) -> HeldOut:
         """The same views of a vehicle larger than a car, from as many times farther (whole metres).
 
@@ -104,20 +108,22 @@ class HeldOut:
         )  # fmt: skip
 
 
-def views_of(
-    vehicle: VehicleChoice, called: str, weathers: Sequence[Weather], made: HeldOut, scene: Path | None = None
-) -> Artifact:
-    """Views of a vehicle in its reference paint, to be rendered.
+def weather_views(
+    vehicle: VehicleChoice, sets: Mapping[str, Sequence[Weather]], made: HeldOut, scene: Path | None = None
+) -> dict[str, Artifact]:
+    """Views of a vehicle in its reference paint, to be rendered, of each set of weathers by its name.
 
     Args:
-        called: the weathers, in the name of the folder.
         scene: the .blend that it stands in, if that is not the town.
     """
+    body, views = recipes.vehicle_in(vehicle.folder), {}
     fitted = made.fitted(load_vehicle(vehicle.folder, read_image).positions)
-    plan = fitted.plan(vehicle.name, vehicle.atlas_id, weathers)
-    plan = plan if scene is None else replace(plan, scenery=Scenery.of_file(scene))
-    frames = [frame.id for frame in plan.frames()] if plan.clips else balanced_frames(plan, fitted.frames)
-    return recipes.data_set(f"{vehicle.name}-{called}", plan, recipes.vehicle_in(vehicle.folder), frames, scene)
+    for called, weathers in sets.items():
+        plan = fitted.plan(vehicle.name, vehicle.atlas_id, weathers)
+        plan = plan if scene is None else replace(plan, scenery=Scenery.of_file(scene))
+        frames = [frame.id for frame in plan.frames()] if plan.clips else balanced_frames(plan, fitted.frames)
+        views[called] = recipes.data_set(f"{vehicle.name}-{called}", plan, body, frames, scene)
+    return views
 
 
 def weather_sets(names: Sequence[str]) -> list[str]:
